@@ -1,0 +1,1 @@
+"""The wheels and their dead-man."""

@@ -1,0 +1,1 @@
+"""One process per lab: camera frames become poses, and the fleet is kept account of."""

@@ -1,0 +1,1 @@
+"""The table of all positions, who is alive, and the kept state."""

@@ -1,0 +1,1 @@
+"""The command `muro`: a thin face over all the rest."""

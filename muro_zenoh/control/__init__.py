@@ -1,0 +1,1 @@
+"""Laws that turn poses into twists and speeds: pure functions of values."""

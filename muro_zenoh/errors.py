@@ -1,0 +1,67 @@
+"""The error tree.
+
+::
+
+    MuroError                     anything this project raises on purpose; the CLI prints it without a traceback
+    ├── ConfigError               a settings file says something wrong, or something impossible
+    ├── MessageError              bytes from the network that are not the message their key promises
+    ├── TransportError            the bus could not do what it was asked
+    │   ├── NotConnected          no router answered at the endpoints given
+    │   └── NoReply               an order was sent and nobody answered in time
+    ├── BehaviourError            a behaviour could not be loaded or is not one
+    ├── PlanningError             a plan that cannot be made (a goal outside the arena, say)
+    └── SupervisionError          a child process could not be kept alive
+
+Every message says what was got, what was expected, where, and what to do next.
+"""
+
+
+class MuroError(Exception):
+    """Anything this project raises on purpose."""
+
+
+class ConfigError(MuroError):
+    """A settings file says something wrong, or something impossible.
+
+    Args:
+        where: the file and the full path of the key, such as ``fleet.toml: robot.r1.radius``.
+        got: what stands there.
+        expected: what should stand there.
+        hint: what to do next, if there is more to say.
+    """
+
+    def __init__(self, where: str, *, got: str, expected: str, hint: str = "") -> None:
+        self.where = where
+        self.got = got
+        self.expected = expected
+        self.hint = hint
+        text = f"{where}: got {got}, expected {expected}"
+        super().__init__(f"{text}. {hint}" if hint else text)
+
+
+class MessageError(MuroError):
+    """Bytes from the network that are not the message their key promises. Counted and dropped by the bus."""
+
+
+class TransportError(MuroError):
+    """The bus could not do what it was asked."""
+
+
+class NotConnected(TransportError):  # noqa: N818 - reads as a state, and is one
+    """No router answered at the endpoints given."""
+
+
+class NoReply(TransportError):  # noqa: N818 - reads as an event, and is one
+    """An order was sent and nobody answered in time."""
+
+
+class BehaviourError(MuroError):
+    """A behaviour could not be loaded or is not one."""
+
+
+class PlanningError(MuroError):
+    """A plan that cannot be made."""
+
+
+class SupervisionError(MuroError):
+    """A child process could not be kept alive."""

@@ -1,0 +1,89 @@
+"""Planar geometry: poses, twists and angles.
+
+World frame right-handed, x right, y up, theta counter-clockwise from x (REP 103); metres, radians, seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+TWO_PI = 2.0 * math.pi
+
+
+class Pose2(NamedTuple):
+    """A place and a heading: ``x`` [m], ``y`` [m], ``theta`` [rad, (-pi, pi]] in the world frame."""
+
+    x: float
+    y: float
+    theta: float
+
+    def compose(self, other: Pose2) -> Pose2:
+        """``other``, given in this pose's frame, in the frame that this pose is given in."""
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        return Pose2(
+            self.x + c * other.x - s * other.y,
+            self.y + s * other.x + c * other.y,
+            wrap_to_pi(self.theta + other.theta),
+        )
+
+    def inverse(self) -> Pose2:
+        """The pose that composes with this one to the identity."""
+        c, s = math.cos(self.theta), math.sin(self.theta)
+        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_to_pi(-self.theta))
+
+    def distance_to(self, other: Pose2) -> float:
+        """Distance between the two places [m]."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
+
+class Twist2(NamedTuple):
+    """A planar velocity in the body frame: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise."""
+
+    v: float
+    omega: float
+
+
+STILL = Twist2(0.0, 0.0)
+
+
+def wrap_to_pi(angle: float) -> float:
+    """The same angle in (-pi, pi] [rad].
+
+    Not the second formula of seed 001, ``((pi + a) % 2*pi) - pi``, which binds as ``((pi + a) % 2) * pi - pi``.
+    """
+    wrapped = math.remainder(angle, TWO_PI)
+    return math.pi if wrapped == -math.pi else wrapped
+
+
+def ccw_gap(start: float, end: float) -> float:
+    """The counter-clockwise way from one angle to another, in [0, 2 pi) [rad]."""
+    gap = math.fmod(end - start, TWO_PI)
+    if gap < 0.0:
+        gap += TWO_PI
+    return 0.0 if gap >= TWO_PI else gap
+
+
+def advance(pose: Pose2, v: float, omega: float, dt: float) -> Pose2:
+    """Where a unicycle at ``pose`` is after ``dt`` [s] at constant ``v`` [m/s] and ``omega`` [rad/s].
+
+    Exact along the arc (a chord through the mid heading, scaled by sinc), so it holds at any ``dt``.
+    """
+    half = 0.5 * omega * dt
+    chord = v * dt * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0)
+    mid = pose.theta + half
+    return Pose2(pose.x + chord * math.cos(mid), pose.y + chord * math.sin(mid), wrap_to_pi(pose.theta + omega * dt))
+
+
+class Circle(NamedTuple):
+    """A circle to follow: centre ``x``, ``y`` [m, world], ``radius`` [m], and the direction of travel."""
+
+    x: float
+    y: float
+    radius: float
+    clockwise: bool = False
+
+    @property
+    def sigma(self) -> float:
+        """+1 for counter-clockwise travel, -1 for clockwise."""
+        return -1.0 if self.clockwise else 1.0

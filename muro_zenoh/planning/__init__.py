@@ -1,0 +1,1 @@
+"""Laws that turn goals into paths: pure functions of values."""

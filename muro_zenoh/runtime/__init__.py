@@ -1,0 +1,1 @@
+"""Clock, process lifetime and logs."""

@@ -1,0 +1,1 @@
+"""The plant, the lock-step rollout and the overhead camera's renderer."""
