@@ -6,6 +6,7 @@ World frame right-handed, x right, y up, theta counter-clockwise from x (REP 103
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 TWO_PI = 2.0 * math.pi
@@ -87,3 +88,69 @@ class Circle(NamedTuple):
     def sigma(self) -> float:
         """+1 for counter-clockwise travel, -1 for clockwise."""
         return -1.0 if self.clockwise else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class TagMount:
+    """A fiducial tag and where it sits on a robot, in the base frame (origin: the middle of the axle, x forwards).
+
+    The tag's own +x runs from its left edge to its right edge as printed, its +y from bottom to top, its origin is its
+    centre. With ``yaw`` 0 the print's right edge looks forwards and its top edge to the robot's left.
+
+    Attributes:
+        id: the number that the tag encodes.
+        size: side of the tag's black square [m].
+        x: the tag's centre, forwards of the axle [m].
+        y: the tag's centre, to the left of the axle's middle [m].
+        yaw: from the base's x to the tag's x, counter-clockwise [rad].
+    """
+
+    id: int
+    size: float
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    @property
+    def pose(self) -> Pose2:
+        """The tag's frame in the base frame."""
+        return Pose2(self.x, self.y, wrap_to_pi(self.yaw))
+
+
+class View(NamedTuple):
+    """A point that a camera sees: pixel ``u`` (right), ``v`` (down), and place ``x``, ``y`` [m, world].
+
+    Integer pixels are pixel centres, as in OpenCV: a picture's left edge is at u = -0.5.
+    """
+
+    u: float
+    v: float
+    x: float
+    y: float
+
+
+def straight_down_view(
+    x_min: float, y_min: float, x_max: float, y_max: float, width: int, height: int, margin: float = 0.0
+) -> tuple[View, View, View, View]:
+    """Four points of a camera that looks straight down and sees a whole rectangle with square pixels.
+
+    Args:
+        x_min: left edge of the rectangle [m].
+        y_min: lower edge [m].
+        x_max: right edge [m].
+        y_max: upper edge [m].
+        width: of the picture [px].
+        height: of the picture [px].
+        margin: seen beyond each edge, at least [m].
+
+    Returns:
+        The rectangle's corners, from the lower left one counter-clockwise. World y is up, the picture's v down.
+    """
+    metres_per_pixel = max((x_max - x_min + 2.0 * margin) / width, (y_max - y_min + 2.0 * margin) / height)
+    x_mid, y_mid = 0.5 * (x_min + x_max), 0.5 * (y_min + y_max)
+    u_mid, v_mid = 0.5 * (width - 1), 0.5 * (height - 1)
+
+    def seen(x: float, y: float) -> View:
+        return View(u_mid + (x - x_mid) / metres_per_pixel, v_mid - (y - y_mid) / metres_per_pixel, x, y)
+
+    return seen(x_min, y_min), seen(x_max, y_min), seen(x_max, y_max), seen(x_min, y_max)
