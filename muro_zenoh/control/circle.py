@@ -1,0 +1,303 @@
+"""Circular path following: the turning rate that takes a unicycle to a circle and round it.
+
+Notation of all three laws: ``h = (cos theta, sin theta)``, ``p`` the place minus the centre, ``rho = |p|``,
+``phi = atan2(p)``, ``r`` the radius, ``sigma`` = +1 counter-clockwise, -1 clockwise. Each law is
+``law(x, y, theta, v, circle, gains) -> omega``, takes floats or arrays that broadcast, keeps no memory, and
+returns an unlimited turning rate: limits and drive calibration belong to `drive`, once, after the law.
+
+Every law keeps its meaning
+
+* at ``v = 0``: it turns on the spot towards the heading it would drive in;
+* at the centre: ``atan2(0, 0) = 0`` is accepted and any way out will do;
+* while the centre moves: the circle is an argument of each call, and only the place relative to it counts.
+
+``v`` is the speed really driven (drive scale times modelled wheel speed), not below 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, Protocol
+
+from muro_zenoh.elementwise import Scalar, of
+from muro_zenoh.geometry import Circle
+
+
+def _require_positive(gains: Any) -> None:
+    for field in fields(gains):
+        value = getattr(gains, field.name)
+        if not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{type(gains).__name__}.{field.name}: got {value!r}, expected a finite number above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class VectorFieldGains:
+    """Gains of :func:`vector_field`.
+
+    Args:
+        k_o: steepness of the approach [1/m]: at ``1/k_o`` from the circle the field comes in at 45 degrees. Above
+            30 /m the loop with 80 ms of delay and 0.1 s wheels falls apart.
+        k_h: heading gain [1/s].
+        feedforward_max: clamp on the field's own turning rate [rad/s], which grows without limit near the centre.
+        rho_0: the least distance to divide by [m].
+    """
+
+    k_o: float = 15.0
+    k_h: float = 3.0
+    feedforward_max: float = 3.0
+    rho_0: float = 0.05
+
+    def __post_init__(self) -> None:
+        _require_positive(self)
+
+
+@dataclass(frozen=True, slots=True)
+class PassivityGains:
+    """Gain of :func:`passivity`.
+
+    Args:
+        psi: passivity gain [1/(m^2 s)]. Too small overshoots for ever, too large creeps (seed 000, figures 1 to 3).
+            The loop linearised about the circle is critically damped at ``2 v / r^3``.
+    """
+
+    psi: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require_positive(self)
+
+
+@dataclass(frozen=True, slots=True)
+class LqrGains:
+    """Weights of :func:`lqr`, each as the size at which it costs one (Bryson's rule).
+
+    Args:
+        radial_size: radial error that costs one [m].
+        heading_size: heading error that costs one [rad].
+        turn_size: turning rate beyond the circle's own that costs one [rad/s].
+    """
+
+    radial_size: float = 0.03
+    heading_size: float = 1.0
+    turn_size: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require_positive(self)
+
+
+def radius_error(x: Scalar, y: Scalar, circle: Circle) -> Scalar:
+    """How far outside the circle a place is, ``rho - r`` [m]; negative inside.
+
+    Args:
+        x: place [m, world].
+        y: place [m, world].
+        circle: the circle.
+    """
+    error: Scalar = of(x).hypot(x - circle.x, y - circle.y) - circle.radius
+    return error
+
+
+def vector_field(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, gains: VectorFieldGains) -> Scalar:
+    """Turning rate [rad/s] that follows a vector field which spirals onto the circle; the default.
+
+    ::
+
+        chi   = phi + sigma (pi/2 + atan(k_o (rho - r)))
+        omega = v sin(theta - phi) / max(rho, rho_0)
+                + sigma k_o v cos(theta - phi) / (1 + k_o^2 (rho - r)^2)      (both clamped: the field's own turning)
+                - k_h wrap(theta - chi)
+
+    The first two terms are d chi / dt, so the heading error falls as exp(-k_h t) and, on the field,
+    d rho / dt = -v sin(atan(k_o (rho - r))): both converge from everywhere, whatever v > 0.
+
+    Args:
+        x: place [m, world].
+        y: place [m, world].
+        theta: heading [rad].
+        v: speed really driven [m/s], not below 0.
+        circle: the circle and the direction of travel.
+        gains: the gains.
+
+    Source: vector-field path following (Nelson, Barber, McLain, Beard, IEEE T-RO 2007) with the exact feed-forward.
+    """
+    xp = of(x)
+    px, py = x - circle.x, y - circle.y
+    rho, phi = xp.hypot(px, py), xp.atan2(py, px)
+    sigma = circle.sigma
+    steep = gains.k_o * (rho - circle.radius)
+    chi = phi + sigma * (0.5 * math.pi + xp.atan(steep))
+    bearing = theta - phi
+    along = v * xp.sin(bearing) / xp.maximum(rho, gains.rho_0)
+    across = sigma * gains.k_o * v * xp.cos(bearing) / (1.0 + steep * steep)
+    forward = xp.clip(along + across, -gains.feedforward_max, gains.feedforward_max)
+    omega: Scalar = forward - gains.k_h * xp.wrap(theta - chi)
+    return omega
+
+
+def passivity(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, gains: PassivityGains) -> Scalar:
+    """Turning rate [rad/s] of the passivity-based law of seed 000.
+
+    ::
+
+        omega = sigma (v / r + psi r (p . h))
+
+    The sign is plus: with V = 1/2 |(p_x - r sin theta, p_y + r cos theta)|^2 (counter-clockwise), dV/dt is
+    -r u_c (p . h), which only u_c = +psi r (p . h) makes fall. The seed's C++ has minus because its camera's yaw
+    is turned by pi. Clockwise the whole law is negated.
+
+    Args:
+        x: place [m, world].
+        y: place [m, world].
+        theta: heading [rad].
+        v: speed really driven [m/s], not below 0.
+        circle: the circle and the direction of travel.
+        gains: the gain.
+
+    Source: El-Hawwary and Maggiore, Global path following for the unicycle and other results, ACC 2008; seed 000,
+    section 3.1.
+    """
+    xp = of(x)
+    p_dot_h = (x - circle.x) * xp.cos(theta) + (y - circle.y) * xp.sin(theta)
+    omega: Scalar = circle.sigma * (v / circle.radius + gains.psi * circle.radius * p_dot_h)
+    return omega
+
+
+def lqr_feedback(v: Scalar, radius: float, gains: LqrGains) -> tuple[Scalar, Scalar]:
+    """The optimal feedback about a circle, ``(k_e, k_h)`` of ``u = k_e e - k_h epsilon``.
+
+    With ``e = rho - r`` and ``epsilon`` the heading's turn (in the direction of travel) beyond the tangent, the
+    unicycle about the circle is, for ``u = sigma omega - v / r``::
+
+        d e / dt       = -v epsilon
+        d epsilon / dt = (v / r^2) e + u
+
+    and the cost is the integral of ``q_e e^2 + q_h epsilon^2 + u^2`` with ``q_e = (turn_size / radial_size)^2`` and
+    ``q_h = (turn_size / heading_size)^2``. The 2x2 algebraic Riccati equation then has the closed form::
+
+        k_e = sqrt((v / r^2)^2 + q_e) - v / r^2
+        k_h = sqrt(q_h + 2 v k_e)
+
+    It stays finite at ``v = 0``, where the radius cannot be controlled: the limit is the law for turning on the spot.
+
+    Args:
+        v: speed [m/s], not below 0.
+        radius: the circle's radius [m].
+        gains: the weights.
+
+    Returns:
+        ``k_e`` [rad/(m s)] and ``k_h`` [1/s], both positive.
+
+    Source: the optimal gain by the Riccati equation that seed 000 asks for (section 4.1.1).
+    """
+    xp = of(v)
+    w = v / (radius * radius)
+    q_e = (gains.turn_size / gains.radial_size) ** 2
+    q_h = (gains.turn_size / gains.heading_size) ** 2
+    k_e: Scalar = xp.sqrt(w * w + q_e) - w
+    k_h: Scalar = xp.sqrt(q_h + 2.0 * v * k_e)
+    return k_e, k_h
+
+
+def lqr(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, gains: LqrGains) -> Scalar:
+    """Turning rate [rad/s] with the optimal gain about the circle, carried on to the whole plane.
+
+    ::
+
+        epsilon = wrap(sigma (theta - phi) - pi/2)
+        omega   = sigma (v / r + k_h wrap(atan((k_e / k_h) e) - epsilon))
+
+    To first order at the circle this is ``u = k_e e - k_h epsilon`` of :func:`lqr_feedback`. The arctangent turns the
+    linear law's ever larger heading demand into at most a quarter turn towards the circle, so it converges from afar.
+
+    The seed's own law feeds back ``p . h = -rho sin(epsilon)`` only, that is ``k_e = 0`` and ``k_h = psi r^2``: it
+    leaves the radius to the circle's curvature, which is why no ``psi`` makes it quick.
+
+    Args:
+        x: place [m, world].
+        y: place [m, world].
+        theta: heading [rad].
+        v: speed really driven [m/s], not below 0.
+        circle: the circle and the direction of travel.
+        gains: the weights.
+    """
+    xp = of(x)
+    px, py = x - circle.x, y - circle.y
+    sigma = circle.sigma
+    k_e, k_h = lqr_feedback(v, circle.radius, gains)
+    epsilon = sigma * (theta - xp.atan2(py, px)) - 0.5 * math.pi
+    approach = xp.atan(k_e / k_h * (xp.hypot(px, py) - circle.radius))
+    omega: Scalar = sigma * (v / circle.radius + k_h * xp.wrap(approach - epsilon))
+    return omega
+
+
+class CircleFunction(Protocol):
+    """What every circle law is: ``law(x, y, theta, v, circle, gains) -> omega``."""
+
+    def __call__(self, x: Any, y: Any, theta: Any, v: Any, circle: Circle, gains: Any, /) -> Any: ...
+
+
+class CircleLawKind(NamedTuple):
+    """A row of :data:`CIRCLE_LAWS`: the ``function`` and the type of its ``gains``."""
+
+    function: CircleFunction
+    gains: type[Any]
+
+
+CIRCLE_LAWS: Final[Mapping[str, CircleLawKind]] = MappingProxyType(
+    {
+        "vector_field": CircleLawKind(vector_field, VectorFieldGains),
+        "passivity": CircleLawKind(passivity, PassivityGains),
+        "lqr": CircleLawKind(lqr, LqrGains),
+    }
+)
+"""Circle laws by the name that a fleet file uses."""
+
+DEFAULT_CIRCLE_LAW: Final = "vector_field"
+
+
+@dataclass(frozen=True, slots=True)
+class CircleLaw:
+    """A circle law with its gains: ``law(x, y, theta, v, circle) -> omega``.
+
+    Args:
+        name: the law's name in :data:`CIRCLE_LAWS`.
+        gains: its gains, of that law's type.
+    """
+
+    name: str
+    gains: Any
+
+    def __call__(self, x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle) -> Scalar:
+        """Turning rate [rad/s].
+
+        Args:
+            x: place [m, world].
+            y: place [m, world].
+            theta: heading [rad].
+            v: speed really driven [m/s], not below 0.
+            circle: the circle and the direction of travel.
+        """
+        omega: Scalar = CIRCLE_LAWS[self.name].function(x, y, theta, v, circle, self.gains)
+        return omega
+
+
+def circle_law(name: str = DEFAULT_CIRCLE_LAW, **gains: float) -> CircleLaw:
+    """A circle law by name, with some of its gains changed.
+
+    Args:
+        name: a key of :data:`CIRCLE_LAWS`.
+        gains: gains that differ from the default, by name.
+
+    Raises:
+        ValueError: no such law, no such gain (the message lists those there are), or a gain that is not above 0.
+    """
+    kind = CIRCLE_LAWS.get(name)
+    if kind is None:
+        raise ValueError(f"circle law: got {name!r}, expected one of {', '.join(CIRCLE_LAWS)}")
+    known = [field.name for field in fields(kind.gains)]
+    for gain in gains:
+        if gain not in known:
+            raise ValueError(f"gain of the circle law {name}: got {gain!r}, expected one of {', '.join(known)}")
+    return CircleLaw(name, kind.gains(**gains))
