@@ -33,6 +33,7 @@ class Floats:
     atan2 = staticmethod(math.atan2)
     sqrt = staticmethod(math.sqrt)
     exp = staticmethod(math.exp)
+    log = staticmethod(math.log)
     hypot = staticmethod(math.hypot)
     floor = staticmethod(math.floor)
     copysign = staticmethod(math.copysign)
@@ -70,6 +71,7 @@ class Arrays:
     atan2 = np.arctan2
     sqrt = np.sqrt
     exp = np.exp
+    log = np.log
     hypot = np.hypot
     floor = np.floor
     copysign = np.copysign

@@ -1,0 +1,87 @@
+"""How driven wheels follow a command: a first-order lag under an acceleration limit.
+
+The one wheel model of the project: the simulator's plant drives with it, the filter predicts with it when odometry is
+silent, and the agent looks ahead with it. Without it the transients of a command bias both drive scales of the filter.
+
+    dv/dt = clip((v_cmd - v) / lag, -limit, +limit),   limit = a_max while |v| grows, brake while |v| falls
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from muro_zenoh import elementwise
+from muro_zenoh.elementwise import Scalar
+
+_LEAST_LAG = 1e-6
+"""Stands for no lag at all [s]: its decay over any step is exactly zero."""
+_TINY = 1e-12
+
+
+class WheelLimits(NamedTuple):
+    """What a robot's wheels can do. Each field is a float, or an array with one entry per robot.
+
+    ``lag``: time constant of the speed control [s], 0 for ideal wheels. ``a_max``: largest growth of \\|v\\| [m/s^2].
+    ``alpha_max``: largest growth of \\|omega\\| [rad/s^2]. ``brake``: largest fall of \\|v\\| [m/s^2].
+    """
+
+    lag: Any = 0.1
+    a_max: Any = 0.5
+    alpha_max: Any = 3.0
+    brake: Any = 1.0
+
+
+def step_wheels(
+    v: Scalar, omega: Scalar, v_cmd: Scalar, omega_cmd: Scalar, limits: WheelLimits, dt: float
+) -> tuple[Scalar, Scalar]:
+    """The speeds of the wheels ``dt`` later, under a command held meanwhile.
+
+    Exact for the equation above at any ``dt``: two half steps end where one whole step does. A change of sign brakes to
+    zero first and grows from there. omega falls under ``alpha_max * max(1, brake / a_max)``, so that a stop ends
+    turning at least as fast as it began.
+
+    Args:
+        v: forward speed of the nominal wheels now [m/s], float or array.
+        omega: turning speed of the nominal wheels now [rad/s], the same shape.
+        v_cmd: commanded forward speed [m/s], the same shape. A stop is (0, 0), never a ramp.
+        omega_cmd: commanded turning speed [rad/s], the same shape.
+        limits: the wheels' lag and acceleration limits.
+        dt: how long the command is held [s], >= 0.
+
+    Returns:
+        ``(v, omega)`` after ``dt``.
+    """
+    xp = elementwise.of(v)
+    lag, a_max, alpha_max, brake = limits
+    lag = elementwise.of(lag).maximum(lag, _LEAST_LAG)
+    ratio = brake / a_max
+    alpha_brake = alpha_max * elementwise.of(ratio).maximum(1.0, ratio)
+    return (
+        _follow(xp, v, v_cmd, a_max, brake, lag, dt),
+        _follow(xp, omega, omega_cmd, alpha_max, alpha_brake, lag, dt),
+    )
+
+
+def _follow(xp: Any, speed: Any, target: Any, grow: Any, fall: Any, lag: Any, dt: Any) -> Any:
+    """One wheel coordinate after ``dt``: braked to zero first when the sign changes."""
+    gap = target - speed
+    reached = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
+    reversing = speed * target < 0.0
+    if not (reversing.any() if xp is elementwise.ARRAYS else reversing):
+        return reached
+    # From |gap| down to |target| is the way to standstill: a ramp down to the knee, an exponential below it.
+    way, rest, knee = abs(gap), abs(target), fall * lag
+    ramp_end = xp.maximum(rest, knee)
+    braking = xp.maximum(0.0, way - ramp_end) / fall
+    braking = braking + lag * xp.log(xp.maximum(xp.minimum(way, knee), rest) / xp.maximum(rest, _TINY))
+    after = xp.maximum(0.0, dt - braking)
+    from_rest = _approach(xp, target, target, grow, lag, after)
+    return xp.where(reversing & (braking < dt), from_rest, reached)
+
+
+def _approach(xp: Any, target: Any, gap: Any, limit: Any, lag: Any, dt: Any) -> Any:
+    """Closed form of the limited lag: a ramp until the gap is ``limit * lag``, then an exponential."""
+    way = abs(gap)
+    ramp = xp.minimum(xp.maximum(way / limit - lag, 0.0), dt)
+    left = (way - limit * ramp) * xp.exp((ramp - dt) / lag)
+    return target - xp.copysign(left, gap)
