@@ -78,7 +78,7 @@ class Arrays:
     wrap = staticmethod(_wrap_array)
     minimum = np.minimum
     maximum = np.maximum
-    where = np.where
+    where = staticmethod(np.where)  # unlike a ufunc it would bind to the instance
 
     @staticmethod
     def clip(a: Any, low: Any, high: Any) -> Any:

@@ -1,0 +1,78 @@
+"""Places to start from."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from muro_zenoh.elementwise import Array
+from muro_zenoh.errors import PlanningError
+
+_TRIES = 400
+_LAYOUTS = 50
+
+
+def random_starts(
+    rng: np.random.Generator,
+    n: int,
+    bounds: tuple[float, float, float, float],
+    radius: float | Array,
+    margin: float = 0.02,
+) -> Array:
+    """Random poses that touch neither each other nor the walls.
+
+    Args:
+        rng: draws them; the same seed gives the same starts.
+        n: how many.
+        bounds: of the arena: ``(x_min, y_min, x_max, y_max)`` [m, world].
+        radius: of the bodies [m], of all robots or (n,).
+        margin: least gap between two bodies, and between a body and a wall [m].
+
+    Returns:
+        (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
+
+    Raises:
+        PlanningError: when the robots do not fit.
+    """
+    x_min, y_min, x_max, y_max = bounds
+    radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (n,))
+    width, height = x_max - x_min, y_max - y_min
+    widest = 2.0 * float(radii.max(initial=0.0)) + 2.0 * margin
+    if widest > min(width, height):
+        raise PlanningError(
+            f"an arena of {width:g} x {height:g} m holds no robot that needs {widest:g} m: enlarge the arena"
+        )
+    bodies = float(np.sum(math.pi * (radii + 0.5 * margin) ** 2))
+    most = 0
+    if bodies <= 0.9069 * width * height:  # the densest packing of equal discs
+        for _ in range(_LAYOUTS):
+            poses = _lay_out(rng, bounds, radii, margin)
+            if len(poses) == n:
+                return poses
+            most = max(most, len(poses))
+    raise PlanningError(
+        f"{n} robots (bodies of {bodies:.2f} m^2) do not fit in an arena of {width:g} x {height:g} m "
+        f"({width * height:.2f} m^2) without touching; {most} were placed: use fewer robots or a larger arena"
+    )
+
+
+def _lay_out(rng: np.random.Generator, bounds: tuple[float, float, float, float], radii: Array, margin: float) -> Array:
+    """Poses one after the other, as many as find a place."""
+    x_min, y_min, x_max, y_max = bounds
+    poses = np.empty((len(radii), 3))
+    for i, own in enumerate(radii):
+        inset = own + margin
+        tries = np.column_stack(
+            (
+                rng.uniform(x_min + inset, x_max - inset, _TRIES),
+                rng.uniform(y_min + inset, y_max - inset, _TRIES),
+                rng.uniform(-math.pi, math.pi, _TRIES),
+            )
+        )
+        away = np.hypot(tries[:, None, 0] - poses[None, :i, 0], tries[:, None, 1] - poses[None, :i, 1])
+        free = np.flatnonzero((away > own + radii[:i] + margin).all(axis=1))
+        if not len(free):
+            return poses[:i]
+        poses[i] = tries[free[0]]
+    return poses
