@@ -197,7 +197,7 @@ class OverheadCamera:
     def _outlines(
         self, poses: Array, mounts: Sequence[TagMount], radii: Sequence[float]
     ) -> tuple[Array, Array, list[list[int]]]:
-        """Of all robots at once: bodies (N, 43, 2), papers (N, 4, 2) [px], and the boxes round both, cut at the edges."""
+        """Of all robots: bodies (N, 43, 2) and papers (N, 4, 2) [px], and the boxes round both, cut at the edges."""
         count = len(poses)
         half = np.array([0.5 * mount.size * self._paper for mount in mounts]).reshape(count, 1, 1)
         yaw = np.array([mount.yaw for mount in mounts])

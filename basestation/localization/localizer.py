@@ -1,0 +1,221 @@
+"""One camera's pictures in, the poses of the robots in it out.
+
+Picture -> markers [px] -> places of the corners [m] -> pose of the tag -> pose of the robot's base. No bus, no clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from basestation.localization.homography import Homography
+from basestation.localization.markers import Marker, Picture, TagDetector
+from muro_zenoh.errors import MessageError
+from muro_zenoh.geometry import Pose2, TagMount
+
+Array = NDArray[np.float64]
+
+_SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag of side 1, as printed, clockwise
+_SIZE_OFF = 0.3  # a print that seems so much larger or smaller than its tag is another print (blur and ink cost 0.05)
+_SHAPE_OFF = 0.15  # root mean square of the corners' misfit to a square, in sides
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """A robot as one picture shows it.
+
+    Attributes:
+        name: of the robot.
+        pose: of the base frame (origin: the middle of the axle) in the world [m, rad].
+        covariance: nine floats, row-major, of x [m], y [m], theta [rad].
+        marker: the tag in the picture.
+    """
+
+    name: str
+    pose: Pose2
+    covariance: tuple[float, ...]
+    marker: Marker
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Track:
+    """A tag seen lately: where, how far it moves from picture to picture [px], and how many did not show it since."""
+
+    marker: Marker
+    step: Array
+    missed: int = 0
+
+    def expected(self) -> Marker:
+        return Marker(self.marker.id, self.marker.corners + self.step)
+
+
+class Localizer:
+    """Finds the robots in one camera's pictures.
+
+    Pictures are searched near the tags' last places. The whole picture is searched every ``sweep_every`` pictures, for
+    tags that come in; and every ``search_every`` while one that was seen lately is missing, so that a hidden robot
+    does not cost a whole search each time.
+
+    A number that is seen at two places (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no
+    sighting at all: nobody can tell which of the two is the robot.
+
+    Attributes:
+        unknown_tags: numbers seen in the latest whole picture that no robot has.
+        duplicate_tags: numbers that the latest picture shows more than once.
+        misfit_tags: numbers that the latest picture shows as something that is not a square of the tag's size, and the
+            size seen [m]. A wrong ``tag_size``, or not the tag.
+        swept: whether the latest picture was searched as a whole.
+
+    Args:
+        camera: its name.
+        homography: from its pixels to metres.
+        detector: of the robots' family of tags.
+        tags: from a tag's number to the robot's name and the tag's place on it.
+        size: width and height that the homography holds for [px]; None takes any.
+        corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures, tags of 37
+            pixels: 0.15 explains the headings, and is cautious by a factor of 2 about the places.
+        sweep_every: pictures from one whole search to the next.
+        search_every: the same, while a tag that was seen lately is missing.
+        remember: pictures that a tag is looked for after it was last seen.
+    """
+
+    def __init__(
+        self,
+        camera: str,
+        homography: Homography,
+        detector: TagDetector,
+        tags: Mapping[int, tuple[str, TagMount]],
+        *,
+        size: tuple[int, int] | None = None,
+        corner_noise: float = 0.15,
+        sweep_every: int = 10,
+        search_every: int = 4,
+        remember: int = 40,
+    ) -> None:
+        self.camera = camera
+        self.homography = homography
+        self.detector = detector
+        self.tags = dict(tags)
+        self.unknown_tags: frozenset[int] = frozenset()
+        self.duplicate_tags: frozenset[int] = frozenset()
+        self.misfit_tags: dict[int, float] = {}
+        self.swept = False
+        self._size = size
+        self._corner_noise = corner_noise
+        self._sweep_every = sweep_every
+        self._search_every = search_every
+        self._remember = remember
+        self._tracks: list[_Track] = []
+        self._since_sweep = sweep_every
+
+    def locate(self, image: Picture) -> list[Sighting]:
+        """The robots that a picture shows, each at most once, in the order of their tags' numbers.
+
+        Args:
+            image: (height, width), grey; the next picture of this camera.
+
+        Raises:
+            MessageError: a picture of another size than the homography holds for.
+        """
+        height, width = image.shape
+        if self._size is not None and (width, height) != self._size:
+            expected = f"{self._size[0]} x {self._size[1]}, which camera {self.camera} is calibrated for"
+            raise MessageError(f"a picture of {width} x {height} pixels, expected {expected}")
+        markers = self._search(image)
+        counts = Counter(marker.id for marker in markers)
+        self.duplicate_tags = frozenset(number for number, count in counts.items() if count > 1)
+        self._follow(markers)
+        self.misfit_tags = {}
+        known = [marker for marker in markers if marker.id in self.tags and counts[marker.id] == 1]
+        return self._sightings(sorted(known, key=lambda marker: marker.id))
+
+    def _search(self, image: Picture) -> list[Marker]:
+        missing = any(track.missed > 0 for track in self._tracks)
+        self._since_sweep += 1
+        self.swept = self._since_sweep >= (self._search_every if missing else self._sweep_every)
+        if not self.swept:
+            return self.detector.detect_near(image, [track.expected() for track in self._tracks])
+        self._since_sweep = 0
+        markers = self.detector.detect(image)
+        self.unknown_tags = frozenset(marker.id for marker in markers) - self.tags.keys()
+        return markers
+
+    def _follow(self, markers: list[Marker]) -> None:
+        """Takes the markers for the tracks' next places, nearest first, and the rest for new tracks."""
+        left = list(self._tracks)
+        tracks: list[_Track] = []
+        for marker in markers:
+            if marker.id not in self.tags:
+                continue
+            same = [track for track in left if track.marker.id == marker.id]
+            step = np.zeros(2)
+            if same:
+                nearest = min(same, key=lambda track: float(np.linalg.norm(track.marker.centre - marker.centre)))
+                left.remove(nearest)
+                moved = marker.centre - nearest.marker.centre
+                if nearest.missed == 0 and float(np.linalg.norm(moved)) < marker.side:
+                    step = moved
+            tracks.append(_Track(marker, step))
+        still = np.zeros(2)
+        tracks += [
+            replace(track, step=still, missed=track.missed + 1) for track in left if track.missed < self._remember
+        ]
+        self._tracks = tracks
+
+    def _sightings(self, markers: list[Marker]) -> list[Sighting]:
+        if not markers:
+            return []
+        corners = np.stack([marker.corners for marker in markers])
+        places = self.homography.to_metres(corners)
+        slopes = self.homography.jacobian(corners.mean(axis=1))
+        sightings = []
+        for marker, corner_places, slope in zip(markers, places, slopes, strict=True):
+            name, mount = self.tags[marker.id]
+            tag, size, misfit = fit_square(corner_places)
+            # Also false when anything is NaN: a tag on the horizon.
+            if not (abs(size / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * size):
+                self.misfit_tags[marker.id] = size
+                continue
+            pose = tag.compose(mount.pose.inverse())
+            covariance = _covariance(slope, self._corner_noise, mount, pose.theta)
+            sightings.append(Sighting(name, pose, covariance, marker))
+        return sightings
+
+
+def fit_square(corners: Array) -> tuple[Pose2, float, float]:
+    """The square that four corners are nearest to: least squares over moves, turns and sizes.
+
+    With the corners as complex numbers w and those of a centred square of side 1 as z, the best a in w = c + a z is
+    ``sum(conj(z) (w - mean(w))) / sum(|z|^2)``; its angle is the heading and its modulus the side.
+
+    Args:
+        corners: (4, 2) [m, world]: the upper left corner, then clockwise, as printed.
+
+    Returns:
+        The pose of the tag in the world, its side [m], and the root mean square distance of the corners from it [m].
+    """
+    w = corners[:, 0] + 1j * corners[:, 1]
+    centre = complex(w.mean())
+    turned = complex(np.vdot(_SQUARE, w - centre)) / 2.0  # sum(|z|^2) of the unit square
+    misfit = math.sqrt(float((np.abs(w - centre - turned * _SQUARE) ** 2).mean()))
+    return Pose2(centre.real, centre.imag, math.atan2(turned.imag, turned.real)), abs(turned), misfit
+
+
+def _covariance(slope: Array, corner_noise: float, mount: TagMount, theta: float) -> tuple[float, ...]:
+    """Of the base's pose, from independent noise on the tag's four corners.
+
+    The centre has a quarter of a corner's variance; the heading, by the fit above, that of a corner across the radius
+    over ``sum(|z|^2) = 2 size^2``. The base is a lever away from the tag's centre, so a wrong heading moves it.
+    """
+    corner = corner_noise**2 * (slope @ slope.T)
+    variance = 0.5 * float(np.trace(corner)) / (2.0 * mount.size**2)
+    c, s = math.cos(theta), math.sin(theta)
+    lever = np.array((s * mount.x + c * mount.y, -c * mount.x + s * mount.y, 1.0))
+    full = variance * np.outer(lever, lever)
+    full[:2, :2] += corner / 4.0
+    return tuple(full.ravel().tolist())

@@ -1,0 +1,153 @@
+"""Tags in a picture: their numbers and the pixels of their corners. Knows nothing of metres or robots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marker:
+    """A tag that was seen, or is expected.
+
+    Attributes:
+        id: the number that it encodes.
+        corners: (4, 2) [px; integers are pixel centres]: as printed, the upper left corner, then clockwise.
+    """
+
+    id: int
+    corners: Array
+
+    @property
+    def centre(self) -> Array:
+        """(2,) mean of the corners [px]."""
+        mean: Array = self.corners.mean(axis=0)
+        return mean
+
+    @property
+    def side(self) -> float:
+        """Mean length of the four sides [px]."""
+        return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1).mean())
+
+    def is_same_as(self, other: Marker) -> bool:
+        """Whether both are one print: the same number, nearly the same place."""
+        apart = float(np.linalg.norm(self.centre - other.centre))
+        return self.id == other.id and apart < 0.5 * max(self.side, other.side)
+
+
+class TagDetector:
+    """OpenCV's detector of square tags, set for overhead cameras.
+
+    Thresholding with one window suffices in a lit room. Dim, blurred or foreign pictures want ``windows=(9, 19)``. Tags
+    below 20 pixels need OpenCV >= 4.14, whose older versions read half as many of them.
+
+    Args:
+        family: name of the tags' dictionary in OpenCV, such as ``DICT_4X4_50`` or ``DICT_APRILTAG_36h11``.
+        windows: least and greatest side of the adaptive threshold's window [px].
+        step: from one window to the next [px].
+        contrast: how much darker than its window a pixel must be to be ink [grey levels].
+        smallest: side of the smallest tag looked for in a whole picture [px].
+
+    Raises:
+        ValueError: an unknown family.
+    """
+
+    def __init__(
+        self,
+        family: str = "DICT_4X4_50",
+        *,
+        windows: tuple[int, int] = (13, 13),
+        step: int = 5,
+        contrast: float = 15.0,
+        smallest: float = 12.0,
+    ) -> None:
+        number = getattr(cv2.aruco, family, None) if family.startswith("DICT_") else None
+        if not isinstance(number, int):
+            known = ", ".join(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
+            raise ValueError(f"tag family {family!r}, expected one of {known}")
+        cv2.setNumThreads(1)
+        self.family = family
+        self._smallest = smallest
+        self._dictionary = cv2.aruco.getPredefinedDictionary(number)
+        self._settings = cv2.aruco.DetectorParameters()
+        self._settings.adaptiveThreshWinSizeMin, self._settings.adaptiveThreshWinSizeMax = windows
+        self._settings.adaptiveThreshWinSizeStep = step
+        self._settings.adaptiveThreshConstant = contrast
+        self._settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
+        self._settings.errorCorrectionRate = 1.0
+        self._settings.perspectiveRemovePixelPerCell = 10
+        self._settings.perspectiveRemoveIgnoredMarginPerCell = 0.33
+        self._whole = cv2.aruco.ArucoDetector(self._dictionary, self._settings)
+        # In a crop a tag fills much of the view, and may touch its edge. (The rate counts in the longer side: at the
+        # whole picture's rate every speck of the crop would be a candidate.)
+        self._settings.minMarkerPerimeterRate = 1.0
+        self._settings.minDistanceToBorder = 0
+        self._crop = cv2.aruco.ArucoDetector(self._dictionary, self._settings)
+        self._rates: dict[int, cv2.aruco.ArucoDetector] = {}
+
+    def detect(self, image: Picture) -> list[Marker]:
+        """All tags of a picture. A number that is seen at two places is there twice.
+
+        Args:
+            image: (height, width), grey.
+        """
+        return _distinct(_markers(self._of(max(image.shape)), image, 0, 0))
+
+    def detect_near(self, image: Picture, expected: Iterable[Marker], *, reach: float = 0.5) -> list[Marker]:
+        """The tags round the places where some are expected; several times faster than the whole picture.
+
+        Any tag within a crop is returned, also when another was expected there.
+
+        Args:
+            image: (height, width), grey.
+            expected: tags with the corners that they are expected at.
+            reach: how far a tag may be from there, in sides of the tag.
+        """
+        height, width = image.shape
+        found: list[Marker] = []
+        for marker in expected:
+            if not np.isfinite(marker.corners).all():
+                continue
+            around = reach * marker.side + 4.0
+            left, top = np.floor(marker.corners.min(axis=0) - around).clip(0.0, (width, height)).astype(int).tolist()
+            right, bottom = np.ceil(marker.corners.max(axis=0) + around).clip(0.0, (width, height)).astype(int).tolist()
+            if right - left >= self._smallest and bottom - top >= self._smallest:
+                crop = np.ascontiguousarray(image[top:bottom, left:right])
+                found += _markers(self._crop, crop, left, top)
+        return _distinct(found)
+
+    def _of(self, longest: int) -> cv2.aruco.ArucoDetector:
+        """The detector for whole pictures of a size: OpenCV counts the least perimeter in the longer side."""
+        if longest not in self._rates:
+            self._settings.minMarkerPerimeterRate = min(4.0 * self._smallest / longest, 1.0)
+            self._settings.minDistanceToBorder = 1
+            self._rates[longest] = cv2.aruco.ArucoDetector(self._dictionary, self._settings)
+        return self._rates[longest]
+
+
+def _markers(detector: cv2.aruco.ArucoDetector, image: Picture, left: int, top: int) -> list[Marker]:
+    corners, ids, _ = detector.detectMarkers(image)
+    if ids is None:
+        return []
+    shift = np.array((left, top), dtype=np.float64)
+    return [
+        Marker(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2) + shift)
+        for number, quad in zip(np.ravel(ids), corners, strict=True)
+    ]
+
+
+def _distinct(markers: list[Marker]) -> list[Marker]:
+    """Without those that overlapping crops saw twice."""
+    kept: list[Marker] = []
+    for marker in markers:
+        if math.isfinite(marker.side) and not any(marker.is_same_as(other) for other in kept):
+            kept.append(marker)
+    return kept
