@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Generic, Literal, TypeVar
 
+import msgspec
+
 from muro_zenoh import messages as m
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Message
@@ -231,26 +233,16 @@ def channel_table() -> str:
         cells = (key, c.kind.__name__, c.writer, c.rate, c.delivery, priority, stale, ros, c.note)
         rows.append("| " + " | ".join(cells) + " |\n")
     for v in VERBS:
-        cells = (
-            f"`muro/basestation/{v.word}`",
-            v.kind.__name__,
-            "operator",
-            "event",
-            "query",
-            "-",
-            "-",
-            "-",
-            "one reply",
-        )
-        rows.append("| " + " | ".join(cells) + " |\n")
+        key = f"`muro/basestation/{v.word}`"
+        rows.append(f"| {key} | {v.kind.__name__} | operator | event | query | - | - | - | one reply |\n")
     return "".join(rows)
 
 
 def message_table() -> str:
     """The fields of every message as Markdown, for ``docs/channels.md``."""
-    import msgspec
-
-    kinds = dict.fromkeys([*(c.kind for c in CHANNELS), m.RobotState, *(v.kind for v in VERBS), m.Reply])
+    kinds: dict[Any, None] = dict.fromkeys(
+        [*(c.kind for c in CHANNELS), m.RobotState, *(v.kind for v in VERBS), m.Reply]
+    )
     rows = ["| message | fields (besides `stamp`, `seq`, `epoch`) |\n", "|---|---|\n"]
     common = {f.name for f in msgspec.structs.fields(m.Message)}
     for kind in kinds:

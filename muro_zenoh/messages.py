@@ -10,7 +10,7 @@ A value of a wrong type, an unknown or a missing field, NaN and the infinities m
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
@@ -238,7 +238,7 @@ class Health(Message, frozen=True, kw_only=True):
 
 
 class Ack(Message, frozen=True, kw_only=True):
-    """Who took an order says what became of it; the order is named by its ``channel``, ``order_epoch``, ``order_seq``."""
+    """What became of an order, which is named by its ``channel``, ``order_epoch`` and ``order_seq``."""
 
     channel: str
     order_epoch: int
@@ -335,12 +335,12 @@ _UNSAID = frozenset({"", "zenoh/bytes", "application/octet-stream", "application
 _encoder = msgspec.msgpack.Encoder()
 
 
-@lru_cache(maxsize=None)
+@cache
 def _decoder(kind: type[M]) -> msgspec.msgpack.Decoder[M]:
     return msgspec.msgpack.Decoder(kind)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _float_fields(kind: type[Message]) -> tuple[str, ...]:
     """The fields that may hold floats; whole numbers and text cannot be NaN."""
     harmless = (int, str, bytes, bool)

@@ -1,0 +1,56 @@
+"""The bus: asyncio over Eclipse Zenoh, or over memory in tests.
+
+::
+
+    async with open_bus(settings) as bus:
+        fixes = bus.every(channels.POSE, "r1")
+        commands = bus.publisher(channels.CMD_VEL, "r1")
+        async for fix in fixes:
+            commands.put(VelocityCommand(v=0.1, omega=0.0))
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from muro_zenoh.config import BusSettings
+from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.bus import Bus, Publisher, make_bus
+from muro_zenoh.transport.inbox import Counters, Every, Latest, Received
+from muro_zenoh.transport.memory_link import MemoryNetwork
+from muro_zenoh.transport.tap import Roster, Sample, Tap
+
+__all__ = [
+    "Bus",
+    "Counters",
+    "Every",
+    "Latest",
+    "MemoryNetwork",
+    "Publisher",
+    "Received",
+    "Roster",
+    "Sample",
+    "Tap",
+    "make_bus",
+    "open_bus",
+]
+
+
+@asynccontextmanager
+async def open_bus(settings: BusSettings, clock: Clock | None = None) -> AsyncIterator[Bus]:
+    """A bus over Zenoh, closed at the end of the block.
+
+    Args:
+        settings: the ``[bus]`` section of the settings.
+        clock: for stamps and arrival times; the system's by default.
+
+    Raises:
+        NotConnected: no router answered.
+        TransportError: Zenoh refused the settings.
+    """
+    # Not at the top: what only needs the in-memory bus does not pay for Zenoh.
+    from muro_zenoh.transport.zenoh_link import ZenohLink
+
+    async with make_bus(await ZenohLink.open(settings), settings.realm, clock) as bus:
+        yield bus

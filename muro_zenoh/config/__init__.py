@@ -1,0 +1,38 @@
+"""Settings: TOML files become frozen values, or a :class:`~muro_zenoh.errors.ConfigError` that names the key.
+
+A fleet file says what a lab has (``[all]``, ``[robot.r1]``, ``[arena]``, ``[camera.north]``, ``[bus]``); a scenario
+says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) and may name a fleet file with
+``fleet = "lab.toml"``, or have a fleet of its own. A robot's settings cascade: ``[robot.r1]``, else ``[all]``, else
+the default.
+"""
+
+from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
+from muro_zenoh.config.sections import (
+    Arena,
+    BehaviourSettings,
+    BusSettings,
+    Camera,
+    Checks,
+    CircleSettings,
+    Robot,
+    Scenario,
+    Section,
+    Simulation,
+)
+
+__all__ = [
+    "Arena",
+    "BehaviourSettings",
+    "BusSettings",
+    "Camera",
+    "Checks",
+    "CircleSettings",
+    "Robot",
+    "Scenario",
+    "Section",
+    "Simulation",
+    "as_table",
+    "load_scenario",
+    "parameters_as",
+    "parse_scenario",
+]

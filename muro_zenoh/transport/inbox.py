@@ -1,0 +1,345 @@
+"""Mailboxes between the middleware's threads and the event loop.
+
+A callback files bytes and leaves. The loop is woken once for all that was filed meanwhile; decoding is done there,
+after coalescing. Every mailbox is bounded, and counts what it drops and what it rejects.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from muro_zenoh.channels import NAME_PATTERN
+from muro_zenoh.errors import MessageError, TransportError
+from muro_zenoh.messages import Message, check_encoding, decode
+from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.delay import DelayTracker
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=Message)
+
+_MAX_KEYS = 1024
+"""Keys a mailbox of many remembers; a stranger who writes on ever new ones fills no memory."""
+
+MAX_PAYLOAD = 8 * 2**20
+"""A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
+
+
+@dataclass(slots=True)
+class Counters:
+    """What became of the messages of one channel.
+
+    Attributes:
+        received: samples filed.
+        dropped: good or not, they were displaced by newer ones before anybody read them.
+        rejected: they were not what their key promises.
+        age: from arrival to the moment the newest was decoded [s].
+        delay: the newest one's extra delay [s].
+    """
+
+    received: int = 0
+    dropped: int = 0
+    rejected: int = 0
+    age: float = 0.0
+    delay: float = 0.0
+
+
+class Received(NamedTuple, Generic[T]):
+    """A message as it came in.
+
+    Attributes:
+        name: the name in its key (a robot's, a camera's); empty where the channel has none.
+        message: the message.
+        arrival: when it came [s, our clock].
+        delay: its extra delay: how much later it came than this writer's quickest [s].
+        least: the least (arrival - stamp) of this writer [s].
+    """
+
+    name: str
+    message: T
+    arrival: float
+    delay: float
+    least: float
+
+    def age(self, now: float) -> float:
+        """What staleness is judged by: the time since it came plus its extra delay [s]."""
+        return now - self.arrival + self.delay
+
+    def captured(self, latency: float = 0.0) -> float:
+        """When it was stamped, by our clock [s], given the least latency of the way here [s]."""
+        return self.message.stamp + self.least - latency
+
+
+class Waker:
+    """Wakes the loop once for all mailboxes that were filed into since it last ran."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._lock = threading.Lock()
+        self._ready: list[Inbox[Any]] = []
+
+    def wake(self, inbox: Inbox[Any]) -> None:
+        """Have ``inbox`` sorted on the loop; from any thread."""
+        with self._lock:
+            self._ready.append(inbox)
+            if len(self._ready) > 1:
+                return
+        try:
+            self._loop.call_soon_threadsafe(self._run)
+        except RuntimeError:
+            # Zenoh calls back after undeclare() until its backlog is drained; a closed loop wants none of it.
+            with self._lock:
+                self._ready.clear()
+
+    def _run(self) -> None:
+        with self._lock:
+            ready, self._ready = self._ready, []
+        for inbox in ready:
+            inbox._sort()
+
+
+class Inbox(ABC, Generic[T]):
+    """What :class:`Latest` and :class:`Every` share: filing, waking, counting.
+
+    Args:
+        kind: the message type.
+        prefix: length of the key up to the name.
+        clock: for arrival times.
+        waker: wakes the loop.
+        counters: shared by all mailboxes of a channel.
+        where: the key, for error messages.
+        depth: raw samples of a key that wait for the loop at most.
+    """
+
+    def __init__(
+        self, kind: type[T], prefix: int, clock: Clock, waker: Waker, counters: Counters, where: str, depth: int
+    ) -> None:
+        self._kind = kind
+        self._prefix = prefix
+        self._clock = clock
+        self._waker = waker
+        self._counters = counters
+        self._where = where
+        self._depth = depth
+        self._lock = threading.Lock()
+        self._raw: dict[str, deque[tuple[bytes, str | None, float]]] = {}
+        self._awake = False
+        self._delays: dict[str, DelayTracker] = {}
+        self._waiter: asyncio.Future[None] | None = None
+        self._episode = False
+        self._closers: list[Callable[[], None]] = []
+        self._closed = False
+
+    # ---- from any thread
+
+    def file(self, key: str, payload: bytes, encoding: str | None) -> None:
+        """Take a sample from the middleware; from any thread."""
+        arrival = self._clock.now()
+        with self._lock:
+            queue = self._raw.get(key)
+            if queue is None:
+                if len(self._raw) >= _MAX_KEYS:
+                    self._counters.received += 1
+                    self._counters.rejected += 1
+                    return
+                queue = self._raw[key] = deque(maxlen=self._depth)
+            self._counters.received += 1
+            if len(queue) == self._depth:
+                self._counters.dropped += 1
+            queue.append((payload, encoding, arrival))
+            if self._awake or self._closed:
+                return
+            self._awake = True
+        self._waker.wake(self)
+
+    # ---- on the loop
+
+    def hand(self, key: str, message: T) -> None:
+        """Take a message that this very process sends; it was never bytes."""
+        now = self._clock.now()
+        self._counters.received += 1
+        if self._accept(Received(key[self._prefix :], message, now, 0.0, 0.0)):
+            self._notify()
+
+    async def next(self) -> Received[T]:
+        """Wait for a message that was not read yet.
+
+        Raises:
+            TransportError: the mailbox was closed, or another task waits here already.
+        """
+        while (item := self._take()) is None:
+            if self._closed:
+                raise TransportError(f"{self._where}: the mailbox is closed")
+            if self._waiter is not None:
+                raise TransportError(f"{self._where}: two tasks wait at one mailbox; give each its own")
+            self._waiter = asyncio.get_running_loop().create_future()
+            try:
+                await self._waiter
+            finally:
+                self._waiter = None
+        return item
+
+    async def __aiter__(self) -> AsyncIterator[Received[T]]:
+        while True:
+            yield await self.next()
+
+    def close(self) -> None:
+        """Undeclare it; a task that waits here gets a :class:`TransportError`."""
+        if self._closed:
+            return
+        self._closed = True
+        for close in self._closers:
+            close()
+        self._notify()
+
+    def on_close(self, close: Callable[[], None]) -> None:
+        """Have ``close`` called when the mailbox is closed."""
+        self._closers.append(close)
+
+    def _sort(self) -> None:
+        """Decode what was filed and wake who waits."""
+        with self._lock:
+            raw, self._raw = self._raw, {}
+            self._awake = False
+        if self._closed:
+            return
+        news = False
+        for key, queue in raw.items():
+            news |= self._sort_key(key, queue)
+        if news:
+            self._notify()
+
+    @abstractmethod
+    def _sort_key(self, key: str, queue: deque[tuple[bytes, str | None, float]]) -> bool:
+        """Decode one key's samples; whether there is news."""
+
+    @abstractmethod
+    def _accept(self, item: Received[T]) -> bool:
+        """File a decoded message; whether there is news."""
+
+    @abstractmethod
+    def _take(self) -> Received[T] | None:
+        """The next unread message, or None."""
+
+    def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
+        """The message in a sample, or None when it is none: counted, and said once per episode."""
+        tracker = self._delays.get(key)
+        try:
+            if len(payload) > MAX_PAYLOAD:
+                raise MessageError(f"got {len(payload)} bytes, expected at most {MAX_PAYLOAD}")
+            if tracker is None:
+                self._check_key(key)
+            check_encoding(encoding, self._kind)
+            message = decode(payload, self._kind)
+        except MessageError as error:
+            self._counters.rejected += 1
+            if not self._episode:
+                self._episode = True
+                log.warning("%s: dropped a message: %s (said once until a good one comes)", key, error)
+            return None
+        self._episode = False
+        if tracker is None:
+            tracker = self._delays[key] = DelayTracker()
+        delay = tracker.observe(message.epoch, message.stamp, arrival)
+        self._counters.delay = delay
+        self._counters.age = self._clock.now() - arrival
+        return Received(key[self._prefix :], message, arrival, delay, tracker.least)
+
+    def _check_key(self, key: str) -> None:
+        name = key[self._prefix :]
+        if name and not NAME_PATTERN.fullmatch(name):
+            raise MessageError(f"got the name {name!r} in the key, expected one such as 'r1'")
+        if len(self._delays) >= _MAX_KEYS:
+            raise MessageError(f"got a {_MAX_KEYS + 1}th writer's key, expected at most {_MAX_KEYS}")
+
+    def _notify(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+
+class Latest(Inbox[T]):
+    """Keeps the newest message of each key, and wakes its reader once for all that came meanwhile."""
+
+    def __init__(
+        self, kind: type[T], prefix: int, clock: Clock, waker: Waker, counters: Counters, where: str, depth: int = 4
+    ) -> None:
+        # depth: garbage behind a good message does not displace it, unless there is a lot of it
+        super().__init__(kind, prefix, clock, waker, counters, where, depth)
+        self._newest: dict[str, Received[T]] = {}
+        self._unread: dict[str, Received[T]] = {}
+
+    def get(self, name: str = "") -> Received[T] | None:
+        """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""
+        if name or not self._newest:
+            return self._newest.get(name)
+        return self._newest.get("") or next(iter(self._newest.values()))
+
+    def values(self) -> dict[str, Received[T]]:
+        """The newest message of each name."""
+        return self._newest
+
+    def forget(self, name: str) -> None:
+        """Drop what is known of a name."""
+        self._newest.pop(name, None)
+        self._unread.pop(name, None)
+
+    def _sort_key(self, key: str, queue: deque[tuple[bytes, str | None, float]]) -> bool:
+        while queue:
+            item = self._open(key, *queue.pop())
+            if item is not None:
+                self._counters.dropped += len(queue)
+                # Their way here still tells how quick this writer can be; but the newest is worth one decode only.
+                return self._accept(item)
+        return False
+
+    def _accept(self, item: Received[T]) -> bool:
+        if item.name in self._unread:
+            self._counters.dropped += 1
+            del self._unread[item.name]
+        self._newest[item.name] = self._unread[item.name] = item
+        return True
+
+    def _take(self) -> Received[T] | None:
+        for name in self._unread:
+            return self._unread.pop(name)
+        return None
+
+
+class Every(Inbox[T]):
+    """A bounded queue; when it is full the oldest goes, and is counted."""
+
+    def __init__(
+        self, kind: type[T], prefix: int, clock: Clock, waker: Waker, counters: Counters, where: str, depth: int = 64
+    ) -> None:
+        super().__init__(kind, prefix, clock, waker, counters, where, depth)
+        self._queue: deque[Received[T]] = deque(maxlen=depth)
+
+    def drain(self) -> list[Received[T]]:
+        """All that waits, oldest first, without waiting."""
+        items = list(self._queue)
+        self._queue.clear()
+        return items
+
+    def _sort_key(self, key: str, queue: deque[tuple[bytes, str | None, float]]) -> bool:
+        news = False
+        for sample in queue:
+            item = self._open(key, *sample)
+            if item is not None:
+                news |= self._accept(item)
+        return news
+
+    def _accept(self, item: Received[T]) -> bool:
+        if len(self._queue) == self._queue.maxlen:
+            self._counters.dropped += 1
+        self._queue.append(item)
+        return True
+
+    def _take(self) -> Received[T] | None:
+        return self._queue.popleft() if self._queue else None

@@ -1,0 +1,83 @@
+"""What a bus needs of the middleware: the one seam, with a Zenoh side and an in-memory side.
+
+A link carries bytes. It calls back on whatever thread it likes; the callbacks only file and leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from muro_zenoh.channels import Priority
+
+FileSample = Callable[[str, bytes, str | None], None]
+"""Takes a key, a payload and what the writer called its encoding."""
+
+FileToken = Callable[[str, bool], None]
+"""Takes a token's key, and whether it is there."""
+
+
+class Closable(Protocol):
+    """Something declared on a link."""
+
+    def close(self) -> None:
+        """Undeclare it; a second time does nothing."""
+        ...
+
+
+class LinkPublisher(Closable, Protocol):
+    """Sends bytes on one key."""
+
+    def put(self, payload: bytes) -> None:
+        """Send; never blocks, never raises for a link that is closing."""
+        ...
+
+
+class Question(Protocol):
+    """A query that waits for its one answer."""
+
+    @property
+    def payload(self) -> bytes:
+        """What was asked."""
+        ...
+
+    @property
+    def encoding(self) -> str | None:
+        """What the asker called its encoding."""
+        ...
+
+    def reply(self, payload: bytes, encoding: str) -> None:
+        """Answer it. Callable from any thread."""
+        ...
+
+
+class Link(Protocol):
+    """A connection to the middleware."""
+
+    def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> LinkPublisher:
+        """Declare a writer; ``keep``: late joiners get its last value."""
+        ...
+
+    def subscribe(self, key_expr: str, file: FileSample, *, keep: bool) -> Closable:
+        """Declare a reader of others' samples, not of this link's own; ``keep``: with the values kept."""
+        ...
+
+    def declare_token(self, key: str) -> Closable:
+        """Declare a liveliness token, which disappears with this link."""
+        ...
+
+    def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
+        """Hear of tokens: those that are there, and those that come and go."""
+        ...
+
+    def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
+        """Take questions on a key."""
+        ...
+
+    async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
+        """The first answer to a question, or None when none came within ``timeout`` [s]."""
+        ...
+
+    async def close(self) -> None:
+        """Undeclare everything and leave."""
+        ...

@@ -1,0 +1,164 @@
+"""The in-memory link: a network within one process and one event loop, for tests and virtual time.
+
+It carries bytes, so the codec is exercised as over Zenoh.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from muro_zenoh.channels import Priority
+from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
+
+
+def matches(expression: str, key: str) -> bool:
+    """Whether a key is in a key expression: ``*`` stands for one chunk, ``**`` for any number of them."""
+    return _match(expression.split("/"), key.split("/"))
+
+
+def _match(expression: list[str], key: list[str]) -> bool:
+    if not expression:
+        return not key
+    head, rest = expression[0], expression[1:]
+    if head == "**":
+        return any(_match(rest, key[i:]) for i in range(len(key) + 1))
+    return bool(key) and head in ("*", key[0]) and _match(rest, key[1:])
+
+
+@dataclass(slots=True, eq=False)
+class _Reader:
+    link: MemoryLink
+    expression: str
+    file: FileSample
+
+
+@dataclass
+class MemoryNetwork:
+    """What the links of one network share."""
+
+    _readers: list[_Reader] = field(default_factory=list)
+    _kept: dict[str, tuple[MemoryLink, bytes, str | None]] = field(default_factory=dict)
+    _tokens: dict[str, MemoryLink] = field(default_factory=dict)
+    _watchers: list[tuple[MemoryLink, str, FileToken]] = field(default_factory=list)
+    _answers: dict[str, Callable[[Question], None]] = field(default_factory=dict)
+
+    def link(self) -> MemoryLink:
+        """A new link to this network."""
+        return MemoryLink(self)
+
+    def put(self, key: str, payload: bytes, encoding: str | None = None, *, sender: MemoryLink | None = None) -> None:
+        """Deliver bytes to every reader but the sender's own; without a sender, as a stranger would."""
+        loop = asyncio.get_running_loop()
+        for reader in list(self._readers):
+            if reader.link is not sender and matches(reader.expression, key):
+                loop.call_soon(reader.file, key, payload, encoding)
+
+
+@dataclass(slots=True)
+class _Question:
+    payload: bytes
+    encoding: str | None
+    answer: asyncio.Future[bytes]
+
+    def reply(self, payload: bytes, encoding: str) -> None:
+        if not self.answer.done():
+            self.answer.set_result(payload)
+
+
+class _Undo:
+    """Does one thing once."""
+
+    def __init__(self, undo: Callable[[], None]) -> None:
+        self._undo: Callable[[], None] | None = undo
+
+    def close(self) -> None:
+        undo, self._undo = self._undo, None
+        if undo is not None:
+            undo()
+
+
+class _Publisher:
+    def __init__(self, link: MemoryLink, key: str, encoding: str, keep: bool) -> None:
+        self._link, self._key, self._encoding, self._keep = link, key, encoding, keep
+        self._closed = False
+
+    def put(self, payload: bytes) -> None:
+        if self._closed or self._link.closed:
+            return
+        network = self._link.network
+        if self._keep:
+            network._kept[self._key] = (self._link, payload, self._encoding)
+        network.put(self._key, payload, self._encoding, sender=self._link)
+
+    def close(self) -> None:
+        self._closed = True
+
+
+class MemoryLink:
+    """One process's link to a :class:`MemoryNetwork`."""
+
+    def __init__(self, network: MemoryNetwork) -> None:
+        self.network = network
+        self.closed = False
+
+    def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
+        return _Publisher(self, key, encoding, keep)
+
+    def subscribe(self, key_expr: str, file: FileSample, *, keep: bool) -> Closable:
+        reader = _Reader(self, key_expr, file)
+        self.network._readers.append(reader)
+        if keep:
+            loop = asyncio.get_running_loop()
+            for key, (writer, payload, encoding) in self.network._kept.items():
+                if writer is not self and matches(key_expr, key):
+                    loop.call_soon(file, key, payload, encoding)
+        return _Undo(lambda: self.network._readers.remove(reader))
+
+    def declare_token(self, key: str) -> Closable:
+        self.network._tokens[key] = self
+        self._tell(key, True)
+        return _Undo(lambda: self._drop_token(key))
+
+    def _drop_token(self, key: str) -> None:
+        if self.network._tokens.pop(key, None) is not None:
+            self._tell(key, False)
+
+    def _tell(self, key: str, there: bool) -> None:
+        for _, expression, file in self.network._watchers:
+            if matches(expression, key):
+                file(key, there)
+
+    def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
+        entry = (self, key_expr, file)
+        self.network._watchers.append(entry)
+        for key in self.network._tokens:
+            if matches(key_expr, key):
+                file(key, True)
+        return _Undo(lambda: self.network._watchers.remove(entry))
+
+    def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
+        self.network._answers[key] = file
+        return _Undo(lambda: self.network._answers.pop(key, None) and None)
+
+    async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
+        answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        file = self.network._answers.get(key)
+        if file is not None:
+            file(_Question(payload, encoding, answer))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout):
+                return await answer
+        return None
+
+    async def close(self) -> None:
+        """Leave the network, and take along what was kept and declared here, as a killed process would."""
+        self.closed = True
+        net = self.network
+        net._readers = [r for r in net._readers if r.link is not self]
+        net._watchers = [w for w in net._watchers if w[0] is not self]
+        net._kept = {k: v for k, v in net._kept.items() if v[0] is not self}
+        for key in [k for k, link in net._tokens.items() if link is self]:
+            self._drop_token(key)

@@ -1,0 +1,113 @@
+"""Undecoded views of the bus: any key's bytes, and who is alive."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from typing import NamedTuple
+
+from muro_zenoh.errors import TransportError
+from muro_zenoh.runtime.clock import Clock
+
+
+class Sample(NamedTuple):
+    """Bytes of some key. ``arrival`` is by our clock [s]."""
+
+    key: str
+    payload: bytes
+    encoding: str | None
+    arrival: float
+
+
+class _Waiting:
+    """One waiter, woken from any thread."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._event = asyncio.Event()
+        self._closers: list[Callable[[], None]] = []
+        self._closed = False
+
+    def on_close(self, close: Callable[[], None]) -> None:
+        """Have ``close`` called when this is closed."""
+        self._closers.append(close)
+
+    def close(self) -> None:
+        """Undeclare it; a second time does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        for close in self._closers:
+            close()
+        self._event.set()
+
+    def _call(self, function: Callable[[], None]) -> None:
+        try:
+            self._loop.call_soon_threadsafe(function)
+        except RuntimeError:
+            self._closed = True  # the loop is gone, and so is every reader
+
+    async def _wait(self) -> None:
+        await self._event.wait()
+        self._event.clear()
+        if self._closed:
+            raise TransportError("the bus was closed while a task waited on it")
+
+
+class Tap(_Waiting):
+    """Samples of any key, in a bounded queue; the oldest goes when it is full, and is counted in ``dropped``."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, clock: Clock, depth: int) -> None:
+        super().__init__(loop)
+        self.dropped = 0
+        self._clock = clock
+        self._queue: deque[Sample] = deque(maxlen=depth)
+
+    def file(self, key: str, payload: bytes, encoding: str | None) -> None:
+        """Take a sample from the middleware; from any thread."""
+        if len(self._queue) == self._queue.maxlen:
+            self.dropped += 1
+        self._queue.append(Sample(key, payload, encoding, self._clock.now()))
+        if len(self._queue) == 1:
+            self._call(self._event.set)
+
+    async def __aiter__(self) -> AsyncIterator[Sample]:
+        while True:
+            while self._queue:
+                yield self._queue.popleft()
+            await self._wait()
+
+
+class Roster(_Waiting):
+    """Who is alive: a set of (role, name), kept up to date by liveliness tokens."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, parse: Callable[[str], tuple[str, str]]) -> None:
+        super().__init__(loop)
+        self.alive: set[tuple[str, str]] = set()
+        self._parse = parse
+
+    def file(self, key: str, there: bool) -> None:
+        """Take a token's coming or going from the middleware; from any thread."""
+        self._call(lambda: self._note(key, there))
+
+    def _note(self, key: str, there: bool) -> None:
+        who = self._parse(key)
+        if there:
+            self.alive.add(who)
+        else:
+            self.alive.discard(who)
+        self._event.set()
+
+    def of(self, role: str) -> set[str]:
+        """The names that are alive in a role."""
+        return {name for r, name in self.alive if r == role}
+
+    async def changed(self) -> None:
+        """Wait until somebody comes or goes."""
+        await self._wait()
+
+    async def until(self, condition: Callable[[Roster], bool]) -> None:
+        """Wait until a condition on this roster holds."""
+        while not condition(self):
+            await self._wait()

@@ -1,0 +1,272 @@
+"""The Zenoh link. The only module that imports zenoh.
+
+What makes it fast and keeps it alive (measured; see docs/decisions/0004-zenoh-settings.md):
+
+* callbacks run on Zenoh's receive thread (``indirect=False``) and only file bytes;
+* ``express=False`` with DROP: nothing is lost through the router, and a put never blocks;
+* one runtime thread in everything but a router;
+* a star through the router, a 2 s lease.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+from collections.abc import Callable
+from typing import Any
+
+from muro_zenoh.channels import Priority
+from muro_zenoh.config import BusSettings
+from muro_zenoh.errors import NotConnected, TransportError
+from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
+
+# Read by Zenoh when it starts its runtime, so it stands before the import. A router must not have it: there it
+# would never forward large messages.
+_ONE_THREAD = (
+    "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), net: (handover: app))"
+)
+if os.environ.get("MURO_ROUTER") != "1":
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
+
+import zenoh  # noqa: E402 - after its environment
+import zenoh.ext  # noqa: E402
+
+log = logging.getLogger(__name__)
+
+_PRIORITY = {
+    Priority.REAL_TIME: zenoh.Priority.REAL_TIME,
+    Priority.HIGH: zenoh.Priority.INTERACTIVE_HIGH,
+    Priority.DATA: zenoh.Priority.DATA,
+    Priority.BACKGROUND: zenoh.Priority.BACKGROUND,
+}
+
+_OPEN_TIMEOUT = 5.0
+_CLOSE_TIMEOUT = 5.0
+
+
+def zenoh_config(settings: BusSettings) -> zenoh.Config:
+    """Zenoh's own configuration for our settings.
+
+    Args:
+        settings: a ``config`` file in them is the ground on which the rest is laid.
+
+    Raises:
+        TransportError: the file or a value is refused by Zenoh.
+    """
+    try:
+        config = zenoh.Config.from_file(settings.config) if settings.config else zenoh.Config()
+        for path, value in _settings(settings).items():
+            config.insert_json5(path, json.dumps(value))
+    except zenoh.ZError as error:
+        raise TransportError(f"bus.config {settings.config or '(built in)'}: Zenoh refuses it: {error}") from error
+    return config
+
+
+def _settings(settings: BusSettings) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "mode": settings.mode,
+        "scouting/multicast/enabled": False,
+        # No mesh: the star through the router costs less processor and starts faster.
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        "transport/link/tx/lease": int(settings.lease * 1000),
+        "transport/link/tx/keep_alive": 4,
+        "timestamping/enabled": True,  # the cache behind kept channels wants it
+    }
+    if settings.connect:
+        out["connect/endpoints"] = list(settings.connect)
+    if settings.connect or settings.mode != "client":
+        # Keep trying for ever: a router that comes back is found again.
+        out["connect/timeout_ms"] = -1 if settings.mode != "client" else int(_OPEN_TIMEOUT * 1000)
+        out["connect/exit_on_failure"] = settings.mode == "client"
+        out["connect/retry"] = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
+    if settings.listen or settings.mode == "peer":
+        out["listen/endpoints"] = list(settings.listen)
+    if settings.mode == "router":
+        out["adminspace/enabled"] = True
+    return out
+
+
+class _Declared:
+    """Something declared on a session; Zenoh raises at a second undeclare, we do not."""
+
+    def __init__(self, declared: Any) -> None:
+        self._declared = declared
+
+    def close(self) -> None:
+        declared, self._declared = self._declared, None
+        if declared is not None:
+            with contextlib.suppress(zenoh.ZError):
+                declared.undeclare()
+
+
+class _Publisher(_Declared):
+    def put(self, payload: bytes) -> None:
+        if self._declared is not None:
+            # A session that is closing raises; what it would have said is of no use any more.
+            with contextlib.suppress(zenoh.ZError):
+                self._declared.put(payload)
+
+
+class _Query:
+    """A question that came over Zenoh."""
+
+    __slots__ = ("_query", "encoding", "payload")
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query = query
+        self.payload = query.payload.to_bytes() if query.payload is not None else b""
+        self.encoding: str | None = str(query.encoding) if query.encoding is not None else None
+
+    def reply(self, payload: bytes, encoding: str) -> None:
+        with contextlib.suppress(zenoh.ZError), self._query as query:  # the asker may have left
+            query.reply(query.key_expr, payload, encoding=encoding)
+
+
+def _direct(function: Callable[[Any], None]) -> Any:
+    """A handler on Zenoh's receive thread: no thread of its own for each subscriber."""
+    return zenoh.handlers.Callback(function, indirect=False)
+
+
+def _brief(error: Exception) -> str:
+    """Zenoh's own words, without the place in its sources."""
+    return str(error).splitlines()[0].split(" at /")[0].rstrip(".")
+
+
+class ZenohLink:
+    """A Zenoh session."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._closed = False
+
+    @classmethod
+    async def open(cls, settings: BusSettings) -> ZenohLink:
+        """Open a session, in a thread: it may wait for the router.
+
+        Args:
+            settings: mode, endpoints and the rest.
+
+        Raises:
+            NotConnected: a client found no router.
+            TransportError: Zenoh refused the settings, or an endpoint to listen on is taken.
+        """
+        config = zenoh_config(settings)
+        opening = asyncio.ensure_future(asyncio.to_thread(zenoh.open, config))
+        try:
+            session = await asyncio.shield(opening)
+        except asyncio.CancelledError:
+            # The thread cannot be stopped; what it opens must not stay open.
+            with contextlib.suppress(Exception):
+                await asyncio.to_thread((await opening).close)
+            raise
+        except zenoh.ZError as error:
+            if settings.mode == "client":
+                raise NotConnected(
+                    f"no router answered at {', '.join(settings.connect) or 'any endpoint'} within {_OPEN_TIMEOUT:g} s "
+                    f"({_brief(error)}). Start one with `muro router`, or name another with --connect"
+                ) from error
+            raise TransportError(
+                f"could not open a {settings.mode} on {', '.join(settings.listen) or 'no endpoint'}: "
+                f"{_brief(error)}. Is the port taken?"
+            ) from error
+        return cls(session)
+
+    def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
+        common: dict[str, Any] = {
+            "encoding": encoding,
+            "priority": _PRIORITY[priority],
+            "congestion_control": zenoh.CongestionControl.DROP,
+            "express": False,
+        }
+        if keep:
+            declared: Any = zenoh.ext.declare_advanced_publisher(
+                self._session, key, cache=zenoh.ext.CacheConfig(max_samples=1), publisher_detection=True, **common
+            )
+        else:
+            declared = self._session.declare_publisher(key, **common)
+        return _Publisher(declared)
+
+    def subscribe(self, key_expr: str, file: FileSample, *, keep: bool) -> Closable:
+        def on_sample(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT:
+                file(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
+
+        handler = _direct(on_sample)
+        remote = zenoh.Locality.REMOTE  # what we send ourselves was handed over already
+        if keep:
+            return _Declared(
+                zenoh.ext.declare_advanced_subscriber(
+                    self._session,
+                    key_expr,
+                    handler,
+                    allowed_origin=remote,
+                    history=zenoh.ext.HistoryConfig(max_samples=1, detect_late_publishers=True),
+                )
+            )
+        return _Declared(self._session.declare_subscriber(key_expr, handler, allowed_origin=remote))
+
+    def declare_token(self, key: str) -> Closable:
+        return _Declared(self._session.liveliness().declare_token(key))
+
+    def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
+        def on_sample(sample: zenoh.Sample) -> None:
+            file(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return _Declared(self._session.liveliness().declare_subscriber(key_expr, _direct(on_sample), history=True))
+
+    def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
+        return _Declared(self._session.declare_queryable(key, _direct(lambda query: file(_Query(query)))))
+
+    async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[bytes | None] = loop.create_future()
+
+        def settle(value: bytes | None) -> None:
+            if not answer.done():
+                answer.set_result(value)
+
+        def post(value: bytes | None) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+                loop.call_soon_threadsafe(settle, value)
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                post(reply.ok.payload.to_bytes())
+
+        self._session.get(
+            key,
+            zenoh.handlers.Callback(on_reply, drop=lambda: post(None), indirect=False),
+            payload=payload,
+            encoding=encoding,
+            timeout=timeout,
+        )
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout + 0.5):
+                return await answer
+        return None
+
+    async def close(self) -> None:
+        """Close the session, in a thread: with a stopped peer it may take its time."""
+        if self._closed:
+            return
+        self._closed = True
+        closing = asyncio.ensure_future(asyncio.to_thread(self._session.close))
+        done, _ = await asyncio.wait({closing}, timeout=_CLOSE_TIMEOUT)
+        if not done:
+            log.warning("Zenoh did not close its session within %g s; left to the process's end", _CLOSE_TIMEOUT)
+
+
+async def serve_router(settings: BusSettings) -> ZenohLink:
+    """A session in router mode: the embedded router.
+
+    Args:
+        settings: its ``listen`` endpoints are where the others connect.
+
+    Raises:
+        TransportError: an endpoint is taken, or the settings are refused.
+    """
+    return await ZenohLink.open(settings)
