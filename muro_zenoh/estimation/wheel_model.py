@@ -30,6 +30,12 @@ class WheelLimits(NamedTuple):
     alpha_max: Any = 3.0
     brake: Any = 1.0
 
+    @property
+    def alpha_brake(self) -> Any:
+        """Largest fall of \\|omega\\| [rad/s^2]: ``alpha_max * max(1, brake / a_max)``, so a stop ends turning too."""
+        ratio = self.brake / self.a_max
+        return self.alpha_max * elementwise.of(ratio).maximum(1.0, ratio)
+
 
 def step_wheels(
     v: Scalar, omega: Scalar, v_cmd: Scalar, omega_cmd: Scalar, limits: WheelLimits, dt: float
@@ -37,8 +43,7 @@ def step_wheels(
     """The speeds of the wheels ``dt`` later, under a command held meanwhile.
 
     Exact for the equation above at any ``dt``: two half steps end where one whole step does. A change of sign brakes to
-    zero first and grows from there. omega falls under ``alpha_max * max(1, brake / a_max)``, so that a stop ends
-    turning at least as fast as it began.
+    zero first and grows from there.
 
     Args:
         v: forward speed of the nominal wheels now [m/s], float or array.
@@ -51,22 +56,31 @@ def step_wheels(
     Returns:
         ``(v, omega)`` after ``dt``.
     """
-    xp = elementwise.of(v)
-    lag, a_max, alpha_max, brake = limits
-    lag = elementwise.of(lag).maximum(lag, _LEAST_LAG)
-    ratio = brake / a_max
-    alpha_brake = alpha_max * elementwise.of(ratio).maximum(1.0, ratio)
     return (
-        _follow(xp, v, v_cmd, a_max, brake, lag, dt),
-        _follow(xp, omega, omega_cmd, alpha_max, alpha_brake, lag, dt),
+        follow(v, v_cmd, limits.a_max, limits.brake, limits.lag, dt),
+        follow(omega, omega_cmd, limits.alpha_max, limits.alpha_brake, limits.lag, dt),
     )
 
 
-def _follow(xp: Any, speed: Any, target: Any, grow: Any, fall: Any, lag: Any, dt: Any) -> Any:
-    """One wheel coordinate after ``dt``: braked to zero first when the sign changes."""
+def follow(speed: Scalar, target: Scalar, grow: Any, fall: Any, lag: Any, dt: float) -> Scalar:
+    """One coordinate of :func:`step_wheels`, forward or turning.
+
+    Args:
+        speed: now [m/s] or [rad/s], float or array.
+        target: commanded, the same shape.
+        grow: largest growth of its magnitude [1/s^2 of its unit], float or array that broadcasts.
+        fall: largest fall of its magnitude, likewise.
+        lag: time constant [s], likewise.
+        dt: how long the command is held [s], >= 0.
+
+    Returns:
+        The speed after ``dt``.
+    """
+    xp = elementwise.of(speed)
+    lag = elementwise.of(lag).maximum(lag, _LEAST_LAG)
     gap = target - speed
-    reached = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
-    reversing = speed * target < 0.0
+    reached: Scalar = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
+    reversing: Any = speed * target < 0.0
     if not (reversing.any() if xp is elementwise.ARRAYS else reversing):
         return reached
     # From |gap| down to |target| is the way to standstill: a ramp down to the knee, an exponential below it.
@@ -76,7 +90,8 @@ def _follow(xp: Any, speed: Any, target: Any, grow: Any, fall: Any, lag: Any, dt
     braking = braking + lag * xp.log(xp.maximum(xp.minimum(way, knee), rest) / xp.maximum(rest, _TINY))
     after = xp.maximum(0.0, dt - braking)
     from_rest = _approach(xp, target, target, grow, lag, after)
-    return xp.where(reversing & (braking < dt), from_rest, reached)
+    turned: Scalar = xp.where(reversing & (braking < dt), from_rest, reached)
+    return turned
 
 
 def _approach(xp: Any, target: Any, gap: Any, limit: Any, lag: Any, dt: Any) -> Any:

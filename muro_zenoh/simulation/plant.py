@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from muro_zenoh.elementwise import ARRAYS, Array
-from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
+from muro_zenoh.estimation.wheel_model import WheelLimits, follow
 from muro_zenoh.simulation.starts import random_starts
 
 __all__ = ["Plant", "random_starts"]
@@ -19,7 +19,7 @@ __all__ = ["Plant", "random_starts"]
 class Plant:
     """N unicycles, one array entry each, in the world frame [m, rad, s].
 
-    The nominal wheels follow the command (:func:`~muro_zenoh.estimation.wheel_model.step_wheels`). The robot does
+    The nominal wheels follow the command (:mod:`muro_zenoh.estimation.wheel_model`). The robot does
     s_v times their forward and s_omega times their turning speed, and slips besides; its encoders see neither.
 
     Args:
@@ -54,19 +54,19 @@ class Plant:
             raise ValueError(f"drive_error {drive_error}: expected a fraction in [0, 1)")
         n = len(starts)
         self._rng = rng
-        self._limits = _stack(limits, n)
+        limits = _stack(limits, n)
+        both = np.ones(n)
+        self._grow = np.stack((limits.a_max * both, limits.alpha_max * both))
+        self._fall = np.stack((limits.brake * both, limits.alpha_brake * both))
+        self._lag = limits.lag * both
         self._slip = slip
-        self._state = np.ascontiguousarray(starts.T)
-        self._state[2] = ARRAYS.wrap(self._state[2])
-        self._odometry = np.zeros((3, n))
-        self.s_v: Array = rng.uniform(1.0 - drive_error, 1.0 + drive_error, n)
-        """Hidden drive error of the forward speed (N,)."""
-        self.s_omega: Array = rng.uniform(1.0 - drive_error, 1.0 + drive_error, n)
-        """Hidden drive error of the turning speed (N,)."""
-        self.wheel_v: Array = np.zeros(n)
-        """Forward speed of the nominal wheels (N,) [m/s]: the encoders' twist."""
-        self.wheel_omega: Array = np.zeros(n)
-        """Turning speed of the nominal wheels (N,) [rad/s]: the encoders' twist."""
+        # Row by row, x y theta of the truth and of what encoders of nominal wheels add up to: moved in one go.
+        self._state: Array = np.zeros((3, 2, n))
+        self._state[:, 0] = starts.T
+        self._state[2, 0] = ARRAYS.wrap(self._state[2, 0])
+        self._speeds: Array = np.zeros((2, n))
+        self._scales: Array = np.ones((2, 2, n))
+        self._scales[:, 0] = rng.uniform(1.0 - drive_error, 1.0 + drive_error, (2, n))
         self.time: float = 0.0
         """Simulated time since the start [s]."""
         self.contacts: int = 0
@@ -80,27 +80,39 @@ class Plant:
         self._look()
 
     def __len__(self) -> int:
-        return len(self.s_v)
+        return self._state.shape[2]
+
+    @property
+    def s_v(self) -> Array:
+        """Hidden drive errors of the forward speed (N,)."""
+        s_v: Array = self._scales[0, 0]
+        return s_v
+
+    @property
+    def s_omega(self) -> Array:
+        """Hidden drive errors of the turning speed (N,)."""
+        s_omega: Array = self._scales[1, 0]
+        return s_omega
 
     @property
     def pose(self) -> Array:
         """True poses (N, 3): x, y [m, world], theta [rad, (-pi, pi]]. A view of the state."""
-        return self._state.T
+        return self._state[:, 0].T
 
     @property
     def twist(self) -> Array:
         """True speeds (N, 2): v [m/s], omega [rad/s], slip left out."""
-        return np.stack((self.s_v * self.wheel_v, self.s_omega * self.wheel_omega), axis=1)
+        return (self._scales[:, 0] * self._speeds).T
 
     @property
     def odometry_pose(self) -> Array:
         """What encoders of nominal wheels add up to since the start (N, 3), in the frame of the first pose. A view."""
-        return self._odometry.T
+        return self._state[:, 1].T
 
     @property
     def odometry_twist(self) -> Array:
         """What encoders of nominal wheels report now (N, 2): v [m/s], omega [rad/s]."""
-        return np.stack((self.wheel_v, self.wheel_omega), axis=1)
+        return self._speeds.T
 
     def step(self, commands: Array, dt: float) -> None:
         """Drive for ``dt`` under commands held meanwhile.
@@ -109,19 +121,16 @@ class Plant:
             commands: (N, 2): v [m/s], omega [rad/s] for the nominal wheels.
             dt: how long [s]; the speeds are taken as linear within it, so at most about 0.05 s.
         """
-        v0, omega0 = self.wheel_v, self.wheel_omega
-        v, omega = step_wheels(v0, omega0, commands[:, 0], commands[:, 1], self._limits, dt)
-        self.wheel_v, self.wheel_omega = v, omega
+        speeds = follow(self._speeds, commands.T, self._grow, self._fall, self._lag, dt)
+        nominal = (0.5 * dt) * (self._speeds + speeds)
+        self._speeds = speeds
         self.time += dt
-        way, turn = (0.5 * dt) * (v0 + v), (0.5 * dt) * (omega0 + omega)
-        _advance(self._odometry, way, turn)
-        way, turn = self.s_v * way, self.s_omega * turn
+        moved = self._scales * nominal[:, None]
         if self._slip > 0.0:
-            noise = self._rng.standard_normal((2, len(self)))
-            path, spin = abs(way), abs(turn)
-            way = way + self._slip * np.sqrt(path) * noise[0]
-            turn = turn + self._slip * np.sqrt(path + spin) * noise[1]
-        _advance(self._state, way, turn)
+            spread = np.abs(moved[:, 0])
+            spread[1] += spread[0]
+            moved[:, 0] += self._slip * np.sqrt(spread) * self._rng.standard_normal(spread.shape)
+        _advance(self._state, moved[0], moved[1])
         self._look()
 
     def place(self, robot: int, x: float, y: float, theta: float) -> None:
@@ -133,14 +142,14 @@ class Plant:
             y: where [m, world].
             theta: heading [rad].
         """
-        self._state[:, robot] = x, y, ARRAYS.wrap(np.float64(theta))
+        self._state[:, 0, robot] = x, y, ARRAYS.wrap(np.float64(theta))
 
     def _look(self) -> None:
         """Distances of all pairs: contacts begun in this step, and the least so far."""
         first, second = self._pairs
         if not len(first):
             return
-        x, y = self._state[0], self._state[1]
+        x, y = self._state[0, 0], self._state[1, 0]
         distance = np.hypot(x[first] - x[second], y[first] - y[second])
         touching = distance < self._touch
         self.contacts += int(np.count_nonzero(touching & ~self._touching))
@@ -149,7 +158,7 @@ class Plant:
 
 
 def _advance(state: Array, way: Array, turn: Array) -> None:
-    """Carry poses (3, N) along arcs of length ``way`` [m] that turn by ``turn`` [rad], in place."""
+    """Carry poses (3, ...) along arcs of length ``way`` [m] that turn by ``turn`` [rad], in place."""
     half = 0.5 * turn
     hh = half * half
     chord = way * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
