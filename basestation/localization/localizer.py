@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from muro_zenoh.geometry import Pose2, TagMount
 Array = NDArray[np.float64]
 
 _SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag of side 1, as printed, clockwise
+_COAST = 4  # pictures that a hidden tag is taken to move on for
 _SIZE_OFF = 0.3  # a print that seems so much larger or smaller than its tag is another print (blur and ink cost 0.05)
 _SHAPE_OFF = 0.15  # root mean square of the corners' misfit to a square, in sides
 
@@ -44,14 +45,19 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Track:
-    """A tag seen lately: where, how far it moves from picture to picture [px], and how many did not show it since."""
+    """A tag seen lately: where (moved on while hidden), its step from picture to picture [px], pictures without it."""
 
     marker: Marker
-    step: Array
+    step: tuple[float, float] = (0.0, 0.0)
     missed: int = 0
 
     def expected(self) -> Marker:
-        return Marker(self.marker.id, self.marker.corners + self.step)
+        return self.marker.moved(*self.step)
+
+    def unseen(self) -> _Track:
+        # Something that hides it for a moment does not stop it; after that, nobody knows.
+        goes_on = self.missed < _COAST
+        return _Track(self.expected(), self.step if goes_on else (0.0, 0.0), self.missed + 1)
 
 
 class Localizer:
@@ -94,7 +100,7 @@ class Localizer:
         size: tuple[int, int] | None = None,
         corner_noise: float = 0.15,
         sweep_every: int = 10,
-        search_every: int = 4,
+        search_every: int = 3,
         remember: int = 40,
     ) -> None:
         self.camera = camera
@@ -153,69 +159,75 @@ class Localizer:
             if marker.id not in self.tags:
                 continue
             same = [track for track in left if track.marker.id == marker.id]
-            step = np.zeros(2)
+            step = (0.0, 0.0)
             if same:
-                nearest = min(same, key=lambda track: float(np.linalg.norm(track.marker.centre - marker.centre)))
+                u, v = marker.centre
+                nearest = min(same, key=lambda track: math.dist(track.marker.centre, (u, v)))
                 left.remove(nearest)
-                moved = marker.centre - nearest.marker.centre
-                if nearest.missed == 0 and float(np.linalg.norm(moved)) < marker.side:
-                    step = moved
+                before = nearest.marker.centre
+                if nearest.missed == 0 and math.dist(before, (u, v)) < marker.side:
+                    step = (u - before[0], v - before[1])
             tracks.append(_Track(marker, step))
-        still = np.zeros(2)
-        tracks += [
-            replace(track, step=still, missed=track.missed + 1) for track in left if track.missed < self._remember
-        ]
+        tracks += [track.unseen() for track in left if track.missed < self._remember]
         self._tracks = tracks
 
     def _sightings(self, markers: list[Marker]) -> list[Sighting]:
         if not markers:
             return []
         corners = np.stack([marker.corners for marker in markers])
-        places = self.homography.to_metres(corners)
-        slopes = self.homography.jacobian(corners.mean(axis=1))
+        slopes = self.homography.jacobian(corners.mean(axis=1)).tolist()
+        poses, sides, misfits = fit_squares(self.homography.to_metres(corners))
         sightings = []
-        for marker, corner_places, slope in zip(markers, places, slopes, strict=True):
+        for marker, slope, pose, side, misfit in zip(markers, slopes, poses, sides, misfits, strict=True):
             name, mount = self.tags[marker.id]
-            tag, size, misfit = fit_square(corner_places)
             # Also false when anything is NaN: a tag on the horizon.
-            if not (abs(size / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * size):
-                self.misfit_tags[marker.id] = size
+            if not (abs(side / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * side):
+                self.misfit_tags[marker.id] = side
                 continue
-            pose = tag.compose(mount.pose.inverse())
-            covariance = _covariance(slope, self._corner_noise, mount, pose.theta)
-            sightings.append(Sighting(name, pose, covariance, marker))
+            base = pose.compose(mount.pose.inverse())
+            covariance = _covariance(slope, self._corner_noise, mount, base.theta)
+            sightings.append(Sighting(name, base, covariance, marker))
         return sightings
 
 
-def fit_square(corners: Array) -> tuple[Pose2, float, float]:
-    """The square that four corners are nearest to: least squares over moves, turns and sizes.
+def fit_squares(corners: Array) -> tuple[list[Pose2], list[float], list[float]]:
+    """The squares that fours of corners are nearest to: least squares over moves, turns and sizes.
 
     With the corners as complex numbers w and those of a centred square of side 1 as z, the best a in w = c + a z is
     ``sum(conj(z) (w - mean(w))) / sum(|z|^2)``; its angle is the heading and its modulus the side.
 
     Args:
-        corners: (4, 2) [m, world]: the upper left corner, then clockwise, as printed.
+        corners: (N, 4, 2) [m, world]: the upper left corner, then clockwise, as printed.
 
     Returns:
-        The pose of the tag in the world, its side [m], and the root mean square distance of the corners from it [m].
+        N each: the poses of the tags in the world, their sides [m], and the root mean square distance of the corners
+        from the square [m].
     """
-    w = corners[:, 0] + 1j * corners[:, 1]
-    centre = complex(w.mean())
-    turned = complex(np.vdot(_SQUARE, w - centre)) / 2.0  # sum(|z|^2) of the unit square
-    misfit = math.sqrt(float((np.abs(w - centre - turned * _SQUARE) ** 2).mean()))
-    return Pose2(centre.real, centre.imag, math.atan2(turned.imag, turned.real)), abs(turned), misfit
+    w = corners[..., 0] + 1j * corners[..., 1]
+    centre = w.mean(axis=1)
+    spokes = w - centre[:, None]
+    turned = (spokes @ _SQUARE.conj()) / 2.0  # sum(|z|^2) of the unit square
+    misfit = np.sqrt((np.abs(spokes - turned[:, None] * _SQUARE) ** 2).mean(axis=1))
+    columns = (centre.real, centre.imag, np.angle(turned))
+    poses = [Pose2(x, y, theta) for x, y, theta in np.column_stack(columns).tolist()]
+    return poses, np.abs(turned).tolist(), misfit.tolist()
 
 
-def _covariance(slope: Array, corner_noise: float, mount: TagMount, theta: float) -> tuple[float, ...]:
+def _covariance(slope: list[list[float]], corner_noise: float, mount: TagMount, theta: float) -> tuple[float, ...]:
     """Of the base's pose, from independent noise on the tag's four corners.
 
     The centre has a quarter of a corner's variance; the heading, by the fit above, that of a corner across the radius
     over ``sum(|z|^2) = 2 size^2``. The base is a lever away from the tag's centre, so a wrong heading moves it.
     """
-    corner = corner_noise**2 * (slope @ slope.T)
-    variance = 0.5 * float(np.trace(corner)) / (2.0 * mount.size**2)
+    (xu, xv), (yu, yv) = slope
+    corner = corner_noise * corner_noise
+    xx, xy, yy = corner * (xu * xu + xv * xv), corner * (xu * yu + xv * yv), corner * (yu * yu + yv * yv)
+    turn = 0.5 * (xx + yy) / (2.0 * mount.size * mount.size)
     c, s = math.cos(theta), math.sin(theta)
-    lever = np.array((s * mount.x + c * mount.y, -c * mount.x + s * mount.y, 1.0))
-    full = variance * np.outer(lever, lever)
-    full[:2, :2] += corner / 4.0
-    return tuple(full.ravel().tolist())
+    dx, dy = s * mount.x + c * mount.y, s * mount.y - c * mount.x
+    off = 0.25 * xy + turn * dx * dy
+    return (
+        *(0.25 * xx + turn * dx * dx, off, turn * dx),
+        *(off, 0.25 * yy + turn * dy * dy, turn * dy),
+        *(turn * dx, turn * dy, turn),
+    )

@@ -27,20 +27,29 @@ class Marker:
     corners: Array
 
     @property
-    def centre(self) -> Array:
-        """(2,) mean of the corners [px]."""
-        mean: Array = self.corners.mean(axis=0)
-        return mean
+    def centre(self) -> tuple[float, float]:
+        """Mean of the corners [px]."""
+        (au, av), (bu, bv), (cu, cv), (du, dv) = self.corners.tolist()
+        return 0.25 * (au + bu + cu + du), 0.25 * (av + bv + cv + dv)
 
     @property
     def side(self) -> float:
         """Mean length of the four sides [px]."""
-        return float(np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=0), axis=1).mean())
+        a, b, c, d = self.corners.tolist()
+        return 0.25 * (math.dist(a, b) + math.dist(b, c) + math.dist(c, d) + math.dist(d, a))
 
     def is_same_as(self, other: Marker) -> bool:
         """Whether both are one print: the same number, nearly the same place."""
-        apart = float(np.linalg.norm(self.centre - other.centre))
-        return self.id == other.id and apart < 0.5 * max(self.side, other.side)
+        return self.id == other.id and math.dist(self.centre, other.centre) < 0.5 * max(self.side, other.side)
+
+    def moved(self, u: float, v: float) -> Marker:
+        """The same tag elsewhere.
+
+        Args:
+            u: to the right [px].
+            v: down [px].
+        """
+        return Marker(self.id, self.corners + np.array((u, v)))
 
 
 class TagDetector:
@@ -111,17 +120,19 @@ class TagDetector:
             expected: tags with the corners that they are expected at.
             reach: how far a tag may be from there, in sides of the tag.
         """
+        expected = [marker for marker in expected if np.isfinite(marker.corners).all()]
+        if not expected:
+            return []
         height, width = image.shape
+        corners = np.stack([marker.corners for marker in expected])
+        around = [[reach * marker.side + 4.0] for marker in expected]
+        limits = np.array((width, height))
+        lows = np.floor(corners.min(axis=1) - around).clip(0, limits).astype(np.int64).tolist()
+        highs = np.ceil(corners.max(axis=1) + around).clip(0, limits).astype(np.int64).tolist()
         found: list[Marker] = []
-        for marker in expected:
-            if not np.isfinite(marker.corners).all():
-                continue
-            around = reach * marker.side + 4.0
-            left, top = np.floor(marker.corners.min(axis=0) - around).clip(0.0, (width, height)).astype(int).tolist()
-            right, bottom = np.ceil(marker.corners.max(axis=0) + around).clip(0.0, (width, height)).astype(int).tolist()
+        for (left, top), (right, bottom) in zip(lows, highs, strict=True):
             if right - left >= self._smallest and bottom - top >= self._smallest:
-                crop = np.ascontiguousarray(image[top:bottom, left:right])
-                found += _markers(self._crop, crop, left, top)
+                found += _markers(self._crop, image[top:bottom, left:right], left, top)
         return _distinct(found)
 
     def _of(self, longest: int) -> cv2.aruco.ArucoDetector:
@@ -138,16 +149,14 @@ def _markers(detector: cv2.aruco.ArucoDetector, image: Picture, left: int, top: 
     if ids is None:
         return []
     shift = np.array((left, top), dtype=np.float64)
-    return [
-        Marker(int(number), np.asarray(quad, dtype=np.float64).reshape(4, 2) + shift)
-        for number, quad in zip(np.ravel(ids), corners, strict=True)
-    ]
+    return [Marker(int(number), quad[0] + shift) for number, quad in zip(ids.ravel(), corners, strict=True)]
 
 
 def _distinct(markers: list[Marker]) -> list[Marker]:
     """Without those that overlapping crops saw twice."""
-    kept: list[Marker] = []
+    kept: dict[int, list[Marker]] = {}
     for marker in markers:
-        if math.isfinite(marker.side) and not any(marker.is_same_as(other) for other in kept):
-            kept.append(marker)
-    return kept
+        same = kept.setdefault(marker.id, [])
+        if not any(marker.is_same_as(other) for other in same):
+            same.append(marker)
+    return [marker for same in kept.values() for marker in same]
