@@ -36,7 +36,8 @@ class PursuitLaw:
     * ``two_gap`` (the default): ``v = cruise + (r K / 2) (gap - behind)``, K in 1/s;
     * ``normalised``: ``v = cruise (1 + K (gap N / (2 pi) - 1))``, K a number;
     * ``proportional`` (seed 000): ``v = K r gap``, K in 1/s, so that the angle closes at K times the gap. The seed's
-      discrete gain is K times its period; it converges for products in (0, 1). The steady speed is ``K r 2 pi / N``;
+      discrete gain is K times its period; it converges for products in (0, 1). The steady speed is ``K r 2 pi / N``:
+      where that is beyond ``v_max``, all drive at ``v_max`` before they are evenly spread, and stay so;
     * ``importance``: ``v = (s + (r K / 2) (mass ahead - mass behind)) / rho(angle)``, K in 1/s: two_gap in the
       coordinate whose increment is ``rho d angle``, where the density asked for is uniform. ``s`` is ``cruise``
       brought to where ``s / rho`` keeps within the limits all the way round. Without the division by rho the density
@@ -86,8 +87,8 @@ class PursuitLaw:
         # A hair of slack: a contrast of exactly v_max / v_min is what the speeds can just serve.
         if self.importance and self.v_min * self.importance.contrast > self.v_max * (1.0 + 1e-9):
             raise ValueError(
-                f"importance of the pursuit law: got a contrast of {self.importance.contrast:.2f} (highest over lowest), "
-                f"expected at most v_max / v_min = {self.v_max / self.v_min:.2f}. Flatten it or widen the speeds"
+                f"importance of the pursuit law: got a contrast of {self.importance.contrast:.2f}, expected "
+                f"highest over lowest at most v_max / v_min = {self.v_max / self.v_min:.2f}. Flatten it or widen v"
             )
 
     @property
@@ -140,8 +141,8 @@ def _unroll(angles: Mapping[str, float], clockwise: bool) -> tuple[tuple[str, ..
     small way less, instead of a whole turn more.
     """
     sigma = -1.0 if clockwise else 1.0
-    names = sorted(angles, key=lambda name: (ccw_gap(0.0, sigma * angles[name]), name))
-    ways = [ccw_gap(0.0, sigma * angles[name]) for name in names]
+    rows = sorted((ccw_gap(0.0, sigma * angle), name) for name, angle in angles.items())
+    ways, names = [way for way, _ in rows], [name for _, name in rows]
     widest, first = -1.0, 0
     for k in range(len(names)):
         gap = ways[k] - ways[k - 1] + (TWO_PI if k == 0 else 0.0)
@@ -168,7 +169,10 @@ def order_ring(angles: Mapping[str, float], previous: Sequence[str], clockwise: 
     Returns:
         Each name once.
     """
-    ordered, way = _unroll(angles, clockwise)
+    return _order(*_unroll(angles, clockwise), previous)
+
+
+def _order(ordered: tuple[str, ...], way: Mapping[str, float], previous: Sequence[str]) -> tuple[str, ...]:
     if not previous or tuple(previous) == ordered:
         return ordered
     result = [name for name in previous if name in way]
@@ -195,7 +199,10 @@ def gaps(angles: Mapping[str, float], order: Sequence[str], clockwise: bool) -> 
         order: from :func:`order_ring` for the same angles.
         clockwise: the direction of travel.
     """
-    _, way = _unroll(angles, clockwise)
+    return _gaps(_unroll(angles, clockwise)[1], order)
+
+
+def _gaps(way: Mapping[str, float], order: Sequence[str]) -> dict[str, float]:
     result: dict[str, float] = {}
     reached = way[order[0]] if order else 0.0
     start = reached
@@ -274,10 +281,11 @@ def pursue(
         law: the law.
     """
     angles = ring_angles(ring, circle)
-    order = order_ring(angles, order, circle.clockwise)
+    ordered, way = _unroll(angles, circle.clockwise)
+    order = _order(ordered, way, order)
     if me not in angles:
         return PursuitStep(law.cruise, TWO_PI, TWO_PI, order, len(angles), False)
-    to_next = gaps(angles, order, circle.clockwise)
+    to_next = _gaps(way, order)
     gap, behind = to_next[me], to_next[order[order.index(me) - 1]]
     speed = pursuit_speed(law, gap, behind, len(order), angles[me], circle.radius, circle.clockwise)
     return PursuitStep(speed, gap, behind, order, len(order), True)

@@ -1,0 +1,165 @@
+"""Cyclic pursuit against its formulas: spacing, steady speed, settling over its bound, density."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from muro_zenoh.control.importance import Importance
+from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, array_gaps, gaps, order_ring, pursue, pursuit_speed
+from muro_zenoh.elementwise import Array
+from muro_zenoh.geometry import Circle
+
+TWO_PI = 2.0 * math.pi
+DT = 0.05
+
+
+def spin(law: PursuitLaw, angles: Array, radius: float, clockwise: bool, seconds: float) -> Array:
+    sigma = -1.0 if clockwise else 1.0
+    for _ in range(round(seconds / DT)):
+        gap, behind, count = array_gaps(angles, clockwise)
+        angles = angles + sigma * pursuit_speed(law, gap, behind, count, angles, radius, clockwise) / radius * DT
+    return angles
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("two_gap", 60.0), ("normalised", 150.0), ("proportional", 150.0)])
+@pytest.mark.parametrize("clockwise", [False, True])
+@pytest.mark.parametrize("robots", [2, 5, 10])
+def test_every_law_spreads_a_bunch_evenly(name: str, seconds: float, clockwise: bool, robots: int) -> None:
+    start = np.random.default_rng(7).uniform(0.0, math.pi / 3, (20, robots))
+    # The seed's gain must be matched to the ring, so that its steady speed is 0.2 m/s.
+    law = PursuitLaw(name, v_min=0.02, gain=0.2 * robots / (TWO_PI * 1.1) if name == "proportional" else None)
+    gap, _, _ = array_gaps(spin(law, start, 1.1, clockwise, seconds), clockwise)
+    assert np.abs(gap - TWO_PI / robots).max() < 0.1
+
+
+def test_the_seeds_law_stalls_when_its_steady_speed_is_out_of_reach() -> None:
+    law = PursuitLaw("proportional", gain=0.3)
+    gap, _, _ = array_gaps(spin(law, np.array([[0.0, 0.5]]), 1.1, False, 300.0), False)
+    assert 0.3 * 1.1 * math.pi > law.v_max
+    assert np.abs(gap - math.pi).max() > 1.5
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    angles=st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=8),
+    clockwise=st.booleans(),
+    radius=st.floats(0.6, 1.2),
+)
+def test_two_gap_converges_from_anywhere(angles: list[float], clockwise: bool, radius: float) -> None:
+    end = spin(PursuitLaw(), np.array([angles]), radius, clockwise, 90.0)
+    gap, behind, count = array_gaps(end, clockwise)
+    assert np.abs(gap - TWO_PI / len(angles)).max() < 0.05
+    speed = pursuit_speed(PursuitLaw(), gap, behind, count, end, radius, clockwise)
+    assert speed == pytest.approx(np.full_like(speed, 0.2), abs=0.02)
+
+
+def test_the_seeds_discrete_form_converges_for_gains_between_0_and_1() -> None:
+    # theta(t+1) = theta(t) + k gap(t), unsaturated: gaps become equal, the steady step is k 2 pi / N.
+    for k in (0.1, 0.5, 0.9):
+        law = PursuitLaw("proportional", gain=k / DT, v_min=0.0, v_max=1e6, cruise=1.0)
+        angles = np.sort(np.random.default_rng(1).uniform(0.0, 1.0, (1, 6)))
+        end = spin(law, angles, 1.0, False, 400 * DT)
+        gap, _, _ = array_gaps(end, False)
+        np.testing.assert_allclose(gap, TWO_PI / 6, atol=1e-4)
+        np.testing.assert_allclose(spin(law, end, 1.0, False, DT) - end, k * TWO_PI / 6, atol=1e-4)
+
+
+def least_time_to_even(angles: Array, radius: float, v_min: float, v_max: float, tolerance: float) -> float:
+    """Least T by which the robots, in their order, can be evenly spaced within ``tolerance`` of each gap."""
+    robots = angles.size
+    low, high = 0.0, 200.0
+    while high - low > 1e-3:
+        T = 0.5 * (low + high)
+        # Ends e_k within [a_k + v_min T / r, a_k + v_max T / r]; the exact even ring e_0 + 2 pi k / N.
+        offset = angles - TWO_PI / robots * np.arange(robots)
+        if (offset + v_min * T / radius).max() <= (offset + v_max * T / radius).min() + tolerance:
+            high = T
+        else:
+            low = T
+    return high
+
+
+def test_two_gap_is_within_15_percent_of_the_bound_from_a_bunch() -> None:
+    rng = np.random.default_rng(11)
+    radius, law = 1.1, PursuitLaw()
+    ratios = []
+    for _ in range(20):
+        angles = np.sort(rng.uniform(0.0, math.pi / 3, 10))
+        bound = least_time_to_even(angles, radius, law.v_min, law.v_max, 0.0)
+        last, now = 0.0, angles[None, :]
+        for step in range(round(40.0 / DT)):
+            gap, _, _ = array_gaps(now, False)
+            if np.abs(gap - TWO_PI / 10).max() > 0.1:
+                last = (step + 1) * DT
+            now = spin(law, now, radius, False, DT)
+        ratios.append(last / bound)
+    assert np.median(ratios) <= 1.15
+
+
+def run_agents(
+    circle: Circle, angles: dict[str, float], law: PursuitLaw, seconds: float, age: float = 0.0
+) -> dict[str, float]:
+    """Each robot computes its own step from the same snapshot, as agents do."""
+    orders: dict[str, tuple[str, ...]] = dict.fromkeys(angles, ())
+    speeds = dict.fromkeys(angles, law.cruise)
+    past = [dict(angles)]
+    lag = round(age / DT)
+    for _ in range(round(seconds / DT)):
+        seen = past[max(len(past) - 1 - lag, 0)]
+        ring = {}
+        for name in angles:
+            a = seen[name]
+            x, y = circle.x + circle.radius * math.cos(a), circle.y + circle.radius * math.sin(a)
+            ring[name] = RingRobot(x, y, a + circle.sigma * math.pi / 2, speeds[name], min(lag, len(past) - 1) * DT)
+        steps = {name: pursue(name, ring, circle, orders[name], law) for name in angles}
+        orders = {name: step.order for name, step in steps.items()}
+        speeds = {name: step.speed for name, step in steps.items()}
+        angles = {name: a + circle.sigma * speeds[name] / circle.radius * DT for name, a in angles.items()}
+        past.append(dict(angles))
+    return angles
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_a_robot_leaves_and_the_rest_space_again_then_one_comes(clockwise: bool) -> None:
+    circle = Circle(2.0, 1.5, 0.8, clockwise)
+    names = ["r1", "r2", "r3", "r4", "r5"]
+    angles = run_agents(circle, {n: 0.2 * k for k, n in enumerate(names)}, PursuitLaw(), 30.0)
+    del angles["r3"]
+    angles = run_agents(circle, angles, PursuitLaw(), 30.0)
+    spread = gaps(angles, order_ring(angles, (), clockwise), clockwise)
+    assert max(abs(g - TWO_PI / 4) for g in spread.values()) < 0.02
+    angles["r9"] = angles["r1"]
+    angles = run_agents(circle, angles, PursuitLaw(), 30.0)
+    spread = gaps(angles, order_ring(angles, (), clockwise), clockwise)
+    assert max(abs(g - TWO_PI / 5) for g in spread.values()) < 0.02
+
+
+def test_positions_150_ms_old_do_not_bias_the_speed() -> None:
+    circle = Circle(0.0, 0.0, 0.8)
+    start = {f"r{k}": 0.3 * k for k in range(5)}
+    before = run_agents(circle, start, PursuitLaw(), 40.0, age=0.15)
+    after = run_agents(circle, before, PursuitLaw(), 10.0, age=0.15)
+    mean = np.mean([after[n] - before[n] for n in start]) * 0.8 / 10.0
+    assert mean == pytest.approx(0.2, rel=0.02)
+    spread = gaps(after, order_ring(after, (), False), False)
+    assert max(abs(g - TWO_PI / 5) for g in spread.values()) < 0.1
+
+
+@pytest.mark.parametrize("robots", [1, 3, 5])
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_the_time_averaged_density_follows_the_importance(robots: int, clockwise: bool) -> None:
+    wanted = Importance.from_function(lambda a: 2.0 + math.cos(a - 1.0))
+    law = PursuitLaw("importance", importance=wanted)
+    angles = spin(law, np.random.default_rng(3).uniform(0.0, 1.0, (1, robots)), 0.8, clockwise, 60.0)
+    bins = np.zeros(36)
+    for _ in range(round(180.0 / DT)):
+        angles = spin(law, angles, 0.8, clockwise, DT)
+        np.add.at(bins, (np.mod(angles, TWO_PI) / TWO_PI * 36).astype(int).ravel() % 36, 1.0)
+    edges = np.linspace(0.0, TWO_PI, 37)
+    asked = np.diff(wanted.mass(edges)) / TWO_PI
+    assert 0.5 * np.abs(bins / bins.sum() - asked).sum() < 0.05
