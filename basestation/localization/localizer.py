@@ -64,8 +64,8 @@ class Localizer:
     """Finds the robots in one camera's pictures.
 
     Pictures are searched near the tags' last places. The whole picture is searched every ``sweep_every`` pictures, for
-    tags that come in; and every ``search_every`` while one that was seen lately is missing, so that a hidden robot
-    does not cost a whole search each time.
+    tags that come in; and every ``search_every`` while one that was seen lately is missing, or none is known, so that a
+    hidden robot does not cost a whole search each time.
 
     A number that is seen at two places (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no
     sighting at all: nobody can tell which of the two is the robot.
@@ -132,16 +132,16 @@ class Localizer:
         if self._size is not None and (width, height) != self._size:
             expected = f"{self._size[0]} x {self._size[1]}, which camera {self.camera} is calibrated for"
             raise MessageError(f"a picture of {width} x {height} pixels, expected {expected}")
-        markers = self._search(image)
-        counts = Counter(marker.id for marker in markers)
+        found = self._sightings([marker for marker in self._search(image) if marker.id in self.tags])
+        self._follow([sighting.marker for sighting in found])
+        counts = Counter(sighting.marker.id for sighting in found)
         self.duplicate_tags = frozenset(number for number, count in counts.items() if count > 1)
-        self._follow(markers)
-        self.misfit_tags = {}
-        known = [marker for marker in markers if marker.id in self.tags and counts[marker.id] == 1]
-        return self._sightings(sorted(known, key=lambda marker: marker.id))
+        return sorted(
+            (sighting for sighting in found if counts[sighting.marker.id] == 1), key=lambda seen: seen.marker.id
+        )
 
     def _search(self, image: Picture) -> list[Marker]:
-        missing = any(track.missed > 0 for track in self._tracks)
+        missing = not self._tracks or any(track.missed > 0 for track in self._tracks)
         self._since_sweep += 1
         self.swept = self._since_sweep >= (self._search_every if missing else self._sweep_every)
         if not self.swept:
@@ -156,8 +156,6 @@ class Localizer:
         left = list(self._tracks)
         tracks: list[_Track] = []
         for marker in markers:
-            if marker.id not in self.tags:
-                continue
             same = [track for track in left if track.marker.id == marker.id]
             step = (0.0, 0.0)
             if same:
@@ -172,6 +170,7 @@ class Localizer:
         self._tracks = tracks
 
     def _sightings(self, markers: list[Marker]) -> list[Sighting]:
+        self.misfit_tags = {}
         if not markers:
             return []
         corners = np.stack([marker.corners for marker in markers])
