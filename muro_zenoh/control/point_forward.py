@@ -1,0 +1,208 @@
+"""Point-forward steering to an angle and to a goal, and a PID that steers to an angle for comparison.
+
+A unicycle cannot move sideways, but the point ``l`` ahead of its axle can move any way: ask that point to move at ``V``
+in the direction ``phi``, and speed and turning rate follow without anything to tune but ``l`` (seed 001, eq. 5.4)::
+
+    alpha = wrap(phi - theta),   v = V cos(alpha),   omega = (V / l) sin(alpha)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from muro_zenoh.elementwise import Scalar, of
+from muro_zenoh.geometry import STILL, Pose2, Twist2, wrap_to_pi
+
+REVERSE_LIMIT: Final = 0.75 * math.pi
+"""The limit on reversing that seed 001 suggests: 3 pi / 4."""
+
+
+def steer_to_angle(
+    theta: Scalar, phi: Scalar, speed: Scalar, ahead: float, reverse_from: float = math.pi
+) -> tuple[Scalar, Scalar]:
+    """Speed and turning rate that turn the robot towards an angle as it drives; floats or arrays.
+
+    With ``alpha = wrap(phi - theta)``::
+
+        v = V cos(alpha),   omega = (V / l) sin(alpha)
+
+    Between a quarter turn and ``reverse_from`` the robot drives backwards while it turns to the angle, as the page's
+    law does. Where ``|alpha|`` is beyond ``reverse_from`` it may not, and turns on the spot at the full rate instead::
+
+        v = 0,   omega = (V / l) sign(alpha)
+
+    ``reverse_from = pi`` allows all reversing, ``pi / 2`` forbids it, :data:`REVERSE_LIMIT` is the page's suggestion.
+
+    Args:
+        theta: heading [rad].
+        phi: the direction to drive in [rad].
+        speed: V, the speed asked of the point ahead [m/s], not below 0.
+        ahead: l, how far ahead of the axle that point is [m], above 0.
+        reverse_from: reversing is forbidden for ``|alpha|`` beyond this [rad, pi / 2 to pi].
+
+    Returns:
+        ``v`` [m/s] and ``omega`` [rad/s]; the limits belong to `drive`.
+
+    Source: seed 001, eq. 5.4 and section 5.4.2.2.
+    """
+    xp = of(theta)
+    alpha = xp.wrap(phi - theta)
+    forbidden = abs(alpha) > reverse_from
+    v: Scalar = xp.where(forbidden, 0.0 * alpha, speed * xp.cos(alpha))
+    sine = xp.where(forbidden, xp.copysign(1.0, alpha), xp.sin(alpha))
+    omega: Scalar = speed / ahead * sine
+    return v, omega
+
+
+@dataclass(frozen=True, slots=True)
+class GoToGoal:
+    """Point-forward steering to a place.
+
+    Args:
+        speed: greatest speed [m/s], above 0.
+        ahead: l, how far ahead of the axle the steered point is [m], above 0.
+        slope: speed per distance to go near the goal [1/s], above 0: the robot slows down within ``speed / slope``.
+        tolerance: the robot stands still within this distance of the goal [m], above 0.
+        reverse_from: reversing is forbidden beyond this angle from the goal [rad, pi / 2 to pi].
+
+    Raises:
+        ValueError: a number outside those ranges.
+    """
+
+    speed: float = 0.2
+    ahead: float = 0.15
+    slope: float = 1.0
+    tolerance: float = 0.02
+    reverse_from: float = math.pi / 2
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "ahead", "slope", "tolerance"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"GoToGoal.{name}: got {value!r}, expected a finite number above 0")
+        # The limits as printed in a settings file with four digits count as the limits.
+        if not math.pi / 2 - 1e-3 <= self.reverse_from <= math.pi + 1e-3:
+            raise ValueError(f"GoToGoal.reverse_from: got {self.reverse_from!r}, expected pi/2 to pi [rad]")
+
+    def twist(self, pose: Pose2, x: float, y: float) -> Twist2:
+        """The twist that takes the robot to a place, standing still within the tolerance.
+
+        Args:
+            pose: where the robot is [world].
+            x: the goal [m, world].
+            y: the goal [m, world].
+        """
+        dx, dy = x - pose.x, y - pose.y
+        distance = math.hypot(dx, dy)
+        if distance <= self.tolerance:
+            return STILL
+        speed = min(self.speed, self.slope * distance)
+        return Twist2(*steer_to_angle(pose.theta, math.atan2(dy, dx), speed, self.ahead, self.reverse_from))
+
+
+class WheelSpeeds(NamedTuple):
+    """``left`` and ``right`` wheel: m/s at the rim, or rad/s when divided by the wheel's radius."""
+
+    left: Any
+    right: Any
+
+
+def wheel_speeds(v: Scalar, omega: Scalar, wheel_base: float, wheel_radius: float | None = None) -> WheelSpeeds:
+    """What each wheel of a differential drive must do for a twist; floats or arrays.
+
+    ``right = (v + omega L / 2) / R``, ``left = (v - omega L / 2) / R``; for the point-forward law this is the page's
+    ``V (cos alpha +- K sin alpha)`` with ``K = L / (2 l)``, for which 1/2 to 1 is sensible.
+
+    Args:
+        v: speed [m/s].
+        omega: turning rate [rad/s].
+        wheel_base: L, distance between the wheels [m].
+        wheel_radius: R [m]; None leaves the speeds in m/s at the rim.
+
+    Source: seed 001, section 5.4.2.3.
+    """
+    scale = 1.0 if wheel_radius is None else wheel_radius
+    half = 0.5 * wheel_base * omega
+    return WheelSpeeds((v - half) / scale, (v + half) / scale)
+
+
+def turning_gain(wheel_base: float, ahead: float) -> float:
+    """K = L / (2 l) of seed 001 [-].
+
+    Args:
+        wheel_base: L, distance between the wheels [m].
+        ahead: l, how far ahead of the axle the steered point is [m].
+    """
+    return wheel_base / (2.0 * ahead)
+
+
+@dataclass(frozen=True, slots=True)
+class PidGains:
+    """Gains of :func:`pid_to_angle`.
+
+    Args:
+        kp: proportional [1/s].
+        ki: integral [1/s^2].
+        kd: derivative, on the measured heading [-].
+        omega_max: limit of the turning rate [rad/s], above 0; anti-windup works against it.
+
+    Raises:
+        ValueError: a negative gain or a limit not above 0.
+    """
+
+    kp: float = 3.0
+    ki: float = 0.5
+    kd: float = 0.1
+    omega_max: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("kp", "ki", "kd"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"PidGains.{name}: got {value!r}, expected a finite number, not below 0")
+        if not (math.isfinite(self.omega_max) and self.omega_max > 0.0):
+            raise ValueError(f"PidGains.omega_max: got {self.omega_max!r}, expected a finite number above 0")
+
+
+class PidState(NamedTuple):
+    """The memory of :func:`pid_to_angle`: the integral's part of the turning rate [rad/s], and the last heading."""
+
+    integral: float = 0.0
+    theta: float | None = None
+
+
+def pid_to_angle(theta: float, phi: float, dt: float, state: PidState, gains: PidGains) -> tuple[float, PidState]:
+    """Turning rate that turns the robot to an angle, by PID; the speed is left to the caller.
+
+    ::
+
+        alpha = wrap(phi - theta)
+        omega = kp alpha + integral(ki alpha) - kd (d theta / dt)
+
+    The derivative is on the measurement, so that a new goal does not kick. Anti-windup: while the rate is at its limit
+    the integral does not grow further into it.
+
+    Args:
+        theta: measured heading [rad].
+        phi: the heading to reach [rad].
+        dt: time since the last call [s], above 0.
+        state: what the last call returned; ``PidState()`` at first.
+        gains: the gains.
+
+    Returns:
+        ``omega`` [rad/s] within its limit, and the next state.
+
+    Source: the PID go-to-angle that seed 001 compares with (section 5.4.2).
+    """
+    alpha = wrap_to_pi(phi - theta)
+    rate = 0.0 if state.theta is None else wrap_to_pi(theta - state.theta) / dt
+    direct = gains.kp * alpha - gains.kd * rate
+    integral = state.integral + gains.ki * alpha * dt
+    asked = direct + integral
+    omega = min(max(asked, -gains.omega_max), gains.omega_max)
+    if asked != omega and (asked > omega) == (alpha > 0.0):
+        integral = state.integral
+        omega = min(max(direct + integral, -gains.omega_max), gains.omega_max)
+    return omega, PidState(integral, theta)
