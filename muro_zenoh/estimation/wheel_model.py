@@ -84,10 +84,10 @@ def follow(speed: Scalar, target: Scalar, grow: Any, fall: Any, lag: Any, dt: fl
     if not (reversing.any() if xp is elementwise.ARRAYS else reversing):
         return reached
     # From |gap| down to |target| is the way to standstill: a ramp down to the knee, an exponential below it.
-    way, rest, knee = abs(gap), abs(target), fall * lag
+    way, rest, knee = abs(gap), xp.maximum(abs(target), _TINY), fall * lag
     ramp_end = xp.maximum(rest, knee)
     braking = xp.maximum(0.0, way - ramp_end) / fall
-    braking = braking + lag * xp.log(xp.maximum(xp.minimum(way, knee), rest) / xp.maximum(rest, _TINY))
+    braking = braking + lag * xp.log(xp.maximum(xp.minimum(way, knee), rest) / rest)
     after = xp.maximum(0.0, dt - braking)
     from_rest = _approach(xp, target, target, grow, lag, after)
     turned: Scalar = xp.where(reversing & (braking < dt), from_rest, reached)

@@ -80,7 +80,7 @@ class Plant:
         self._look()
 
     def __len__(self) -> int:
-        return self._state.shape[2]
+        return len(self.s_v)
 
     @property
     def s_v(self) -> Array:
