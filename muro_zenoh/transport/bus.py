@@ -203,7 +203,7 @@ class Bus:
         payload = await self._link.ask(key, encode(order), encoding_of(verb.kind), timeout)
         if payload is None:
             raise NoReply(
-                f"{key}: got no answer within {timeout:g} s, expected one from the base station. "
+                f"{key}: nobody answered (waited at most {timeout:g} s), expected the base station to. "
                 "Is `muro basestation` running, and on this router?"
             )
         return decode(payload, Reply)

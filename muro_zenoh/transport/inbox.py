@@ -1,7 +1,7 @@
 """Mailboxes between the middleware's threads and the event loop.
 
-A callback files bytes and leaves. The loop is woken once for all that was filed meanwhile; decoding is done there,
-after coalescing. Every mailbox is bounded, and counts what it drops and what it rejects.
+A callback files bytes and leaves. A loop whose task waits is woken once for all that was filed meanwhile; a mailbox
+that nobody waits at wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts what it drops and what it rejects.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Inbox(ABC, Generic[T]):
             if len(queue) == self._depth:
                 self._counters.dropped += 1
             queue.append((payload, encoding, arrival))
-            if self._awake or self._closed:
+            if self._awake or self._closed or self._waiter is None:
                 return
             self._awake = True
         self._waker.wake(self)
@@ -174,17 +174,23 @@ class Inbox(ABC, Generic[T]):
         Raises:
             TransportError: the mailbox was closed, or another task waits here already.
         """
-        while (item := self._take()) is None:
+        while True:
+            self._sort()
+            item = self._take()
+            if item is not None:
+                return item
             if self._closed:
                 raise TransportError(f"{self._where}: the mailbox is closed")
             if self._waiter is not None:
                 raise TransportError(f"{self._where}: two tasks wait at one mailbox; give each its own")
-            self._waiter = asyncio.get_running_loop().create_future()
+            with self._lock:
+                if self._raw:
+                    continue  # filed since, and nobody was woken for it
+                self._waiter = asyncio.get_running_loop().create_future()
             try:
                 await self._waiter
             finally:
                 self._waiter = None
-        return item
 
     async def __aiter__(self) -> AsyncIterator[Received[T]]:
         while True:
@@ -205,6 +211,9 @@ class Inbox(ABC, Generic[T]):
 
     def _sort(self) -> None:
         """Decode what was filed and wake who waits."""
+        if not self._raw:
+            self._awake = False
+            return
         with self._lock:
             raw, self._raw = self._raw, {}
             self._awake = False
@@ -277,12 +286,14 @@ class Latest(Inbox[T]):
 
     def get(self, name: str = "") -> Received[T] | None:
         """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""
+        self._sort()
         if name or not self._newest:
             return self._newest.get(name)
         return self._newest.get("") or next(iter(self._newest.values()))
 
     def values(self) -> dict[str, Received[T]]:
         """The newest message of each name."""
+        self._sort()
         return self._newest
 
     def forget(self, name: str) -> None:
@@ -323,6 +334,7 @@ class Every(Inbox[T]):
 
     def drain(self) -> list[Received[T]]:
         """All that waits, oldest first, without waiting."""
+        self._sort()
         items = list(self._queue)
         self._queue.clear()
         return items

@@ -1,0 +1,127 @@
+"""A process's lifetime: signals and a lifeline cancel its main task, and that is the only way down.
+
+Exit codes: 0 asked to leave; 1 failed; 2 the settings or the command line were wrong.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from muro_zenoh.errors import ConfigError, MuroError
+from muro_zenoh.runtime.logs import set_up_logs
+
+log = logging.getLogger(__name__)
+
+LIFELINE = "MURO_LIFELINE"
+"""Environment variable with the number of a pipe's reading end. Nothing is ever written to it: it ends when the
+supervisor does, however that dies, and the process leaves."""
+
+OK, FAILED, WRONG_USE = 0, 1, 2
+
+
+def run_process(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> int:
+    """Run a process to its end.
+
+    Args:
+        main: makes the main coroutine; what it returns is the exit code (None: 0).
+        name: whose logs these are.
+
+    Returns:
+        The exit code.
+    """
+    set_up_logs(name)
+    # What the imports made lives as long as the process; the collector need not walk it again.
+    gc.collect()
+    gc.freeze()
+    try:
+        with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+            return runner.run(_until_told(main()))
+    except* ConfigError as group:
+        for error in _leaves(group):
+            log.error("%s", error)
+        return WRONG_USE
+    except* MuroError as group:
+        for error in _leaves(group):
+            log.error("%s", error)
+        return FAILED
+    except* Exception as group:
+        for error in _leaves(group):
+            log.error("crashed: %s", error, exc_info=error)
+        return FAILED
+
+
+def ready(role: str, name: str = "") -> None:
+    """Print the ready line that a supervisor waits for."""
+    print(f"READY {role} {name}".rstrip(), flush=True)  # noqa: T201 - a line for the supervisor
+
+
+async def _until_told(main: Coroutine[Any, Any, int | None]) -> int:
+    loop = asyncio.get_running_loop()
+    task = asyncio.ensure_future(main)
+    told = ""
+
+    def leave(why: str) -> None:
+        nonlocal told
+        if not told:
+            told = why
+            log.debug("leaving: %s", why)
+            task.cancel()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, leave, number.name)
+    lifeline = _lifeline()
+    if lifeline is not None:
+        loop.add_reader(lifeline, _on_lifeline, lifeline, leave)
+    try:
+        return await task or OK
+    except asyncio.CancelledError:
+        if not told:
+            raise
+        return OK
+    finally:
+        if lifeline is not None:
+            loop.remove_reader(lifeline)
+
+
+def _lifeline() -> int | None:
+    number = os.environ.get(LIFELINE)
+    if number is None:
+        return None
+    os.set_blocking(int(number), False)
+    return int(number)
+
+
+def _on_lifeline(lifeline: int, leave: Callable[[str], None]) -> None:
+    with contextlib.suppress(BlockingIOError):
+        if os.read(lifeline, 1) == b"":
+            leave("the supervisor is gone")
+
+
+def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    try:
+        import uvloop
+    except ImportError:
+        return None
+    return uvloop.new_event_loop  # type: ignore[no-any-return]  # no stubs
+
+
+def _leaves(group: BaseExceptionGroup[Any]) -> list[BaseException]:
+    out: list[BaseException] = []
+    for error in group.exceptions:
+        out += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
+    return out
+
+
+def exit_with(code: int) -> None:
+    """Leave with an exit code, output flushed."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    sys.exit(code)
