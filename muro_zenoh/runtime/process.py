@@ -11,7 +11,6 @@ import gc
 import logging
 import os
 import signal
-import sys
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -44,18 +43,19 @@ def run_process(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) 
     try:
         with asyncio.Runner(loop_factory=_loop_factory()) as runner:
             return runner.run(_until_told(main()))
-    except* ConfigError as group:
-        for error in _leaves(group):
-            log.error("%s", error)
-        return WRONG_USE
-    except* MuroError as group:
-        for error in _leaves(group):
-            log.error("%s", error)
-        return FAILED
-    except* Exception as group:
-        for error in _leaves(group):
-            log.error("crashed: %s", error, exc_info=error)
-        return FAILED
+    except Exception as error:
+        return _say(error)
+
+
+def _say(error: Exception) -> int:
+    """Log what went wrong; a traceback only for what was not raised on purpose. The exit code."""
+    if isinstance(error, ExceptionGroup):
+        return max(_say(one) for one in error.exceptions)
+    if isinstance(error, MuroError):
+        log.error("%s", error)
+        return WRONG_USE if isinstance(error, ConfigError) else FAILED
+    log.error("crashed: %s: %s", type(error).__name__, error, exc_info=error)
+    return FAILED
 
 
 def ready(role: str, name: str = "") -> None:
@@ -110,18 +110,4 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
         import uvloop
     except ImportError:
         return None
-    return uvloop.new_event_loop  # type: ignore[no-any-return]  # no stubs
-
-
-def _leaves(group: BaseExceptionGroup[Any]) -> list[BaseException]:
-    out: list[BaseException] = []
-    for error in group.exceptions:
-        out += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
-    return out
-
-
-def exit_with(code: int) -> None:
-    """Leave with an exit code, output flushed."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    sys.exit(code)
+    return uvloop.new_event_loop

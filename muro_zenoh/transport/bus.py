@@ -125,14 +125,15 @@ class Bus:
                 self._readers.setdefault(key, []).append(inbox)
         return publisher
 
-    def latest(self, channel: Channel[T], name: str = "") -> Latest[T]:
+    def latest(self, channel: Channel[T], name: str = "", *, own_only: bool = False) -> Latest[T]:
         """A mailbox with the newest message of a name, or of each name when ``name`` is ``*``.
 
         Args:
             channel: which.
             name: whose; ``*`` for everybody's.
+            own_only: take only what this very process sends; nobody else can then speak for it.
         """
-        return self._subscribe(channel, name, Latest(*self._slot(channel, name)))
+        return self._subscribe(channel, name, Latest(*self._slot(channel, name)), own_only)
 
     def every(self, channel: Channel[T], name: str = "", depth: int = 64) -> Every[T]:
         """A bounded queue of a name's messages, or of everybody's when ``name`` is ``*``.
@@ -149,14 +150,15 @@ class Bus:
         counters = self.counters[channel.word]
         return channel.kind, prefix, self.clock, self._waker, counters, key_of(self.realm, channel, name)
 
-    def _subscribe(self, channel: Channel[T], name: str, inbox: I) -> I:
+    def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         expression = key_of(self.realm, channel, name)
         ours = (key for key in self._publishers if key.startswith(expression[:-1])) if name == "*" else (expression,)
         for key in ours:
             self._readers.setdefault(key, []).append(inbox)
         self._watched.append((channel, expression, inbox))
         inbox.on_close(lambda: self._forget(inbox))
-        inbox.on_close(self._link.subscribe(expression, inbox.file, keep=channel.delivery == "kept").close)
+        if not own_only:
+            inbox.on_close(self._link.subscribe(expression, inbox.file, keep=channel.delivery == "kept").close)
         self._open.append(inbox)
         return inbox
 
