@@ -103,6 +103,9 @@ class TagMount:
         x: the tag's centre, forwards of the axle [m].
         y: the tag's centre, to the left of the axle's middle [m].
         yaw: from the base's x to the tag's x, counter-clockwise [rad].
+
+    Raises:
+        ValueError: a size that is not positive.
     """
 
     id: int
@@ -110,6 +113,10 @@ class TagMount:
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.size > 0.0:
+            raise ValueError(f"tag {self.id} of size {self.size} m, expected more than 0")
 
     @property
     def pose(self) -> Pose2:

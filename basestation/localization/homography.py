@@ -78,7 +78,7 @@ class Homography:
             raise ConfigError(
                 where,
                 got="a mirrored floor",
-                expected="a floor seen from above, with world x to the right of world y and pixel v pointing down",
+                expected="a floor seen from above: places in counter-clockwise order are so in the picture too",
                 hint="Is y measured downwards, or are x and y swapped?",
             )
         error = _project(_inverse(matrix), metres) - pixels

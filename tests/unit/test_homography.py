@@ -1,0 +1,120 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from basestation.localization.homography import Homography
+from muro_zenoh.errors import ConfigError
+from muro_zenoh.geometry import View, straight_down_view
+
+CORNERS = np.array([[-2.1, -1.5], [2.1, -1.5], [2.1, 1.5], [-2.1, 1.5]])
+
+
+def tilted(pitch: float, roll: float = 0.1, height: float = 3.0, focal: float = 900.0) -> np.ndarray:
+    """Metres to pixels of a pinhole camera over the origin that leans towards +y by ``pitch``."""
+    down = np.diag([1.0, -1.0, -1.0])  # camera x right, y down, z towards the floor
+    c, s = math.cos(pitch), math.sin(pitch)
+    lean = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    cr, sr = math.cos(roll), math.sin(roll)
+    turn = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
+    rotation = turn @ lean @ down
+    translation = -rotation @ np.array([0.0, 0.0, height])
+    intrinsics = np.array([[focal, 0.0, 639.5], [0.0, focal, 359.5], [0.0, 0.0, 1.0]])
+    return intrinsics @ np.column_stack((rotation[:, 0], rotation[:, 1], translation))
+
+
+def seen(matrix: np.ndarray, places: np.ndarray) -> list[View]:
+    h = np.column_stack((places, np.ones(len(places)))) @ matrix.T
+    return [View(u, v, x, y) for (u, v), (x, y) in zip((h[:, :2] / h[:, 2:]).tolist(), places.tolist(), strict=True)]
+
+
+@given(
+    pitch=st.floats(-0.6, 0.6),
+    roll=st.floats(-math.pi, math.pi),
+    x=st.floats(-2.0, 2.0),
+    y=st.floats(-1.4, 1.4),
+)
+def test_four_points_give_back_every_place_of_a_tilted_camera(pitch: float, roll: float, x: float, y: float) -> None:
+    matrix = tilted(pitch, roll)
+    homography = Homography.fit(seen(matrix, CORNERS), camera="north")
+    (view,) = seen(matrix, np.array([[x, y]]))
+    assert homography.to_metres(np.array([view.u, view.v])) == pytest.approx([x, y], abs=2e-5)
+    assert homography.to_pixels(np.array([x, y])) == pytest.approx([view.u, view.v], abs=1e-2)
+
+
+def test_straight_down_the_scale_is_one_everywhere() -> None:
+    homography = Homography.straight_down(-2.1, -1.5, 2.1, 1.5, 1280, 720, margin=0.1)
+    assert homography.to_metres(np.array([639.5, 359.5])) == pytest.approx([0.0, 0.0], abs=1e-6)
+    slopes = homography.jacobian(np.array([[0.0, 0.0], [1279.0, 719.0]]))
+    assert slopes == pytest.approx(np.array([[[1.0, 0.0], [0.0, -1.0]]] * 2) * 3.2 / 720, abs=1e-8)
+
+
+def test_the_jacobian_is_the_slope_of_to_metres() -> None:
+    homography = Homography.fit(seen(tilted(0.5), CORNERS), camera="north")
+    for pixel in np.array([[100.0, 80.0], [640.0, 360.0], [1200.0, 700.0]]):
+        steps = np.array([[0.5, 0.0], [0.0, 0.5]])
+        slope = (homography.to_metres(pixel + steps) - homography.to_metres(pixel - steps)).T
+        assert homography.jacobian(pixel) == pytest.approx(slope, rel=1e-5)
+
+
+def test_more_points_than_four_average_their_errors() -> None:
+    rng = np.random.default_rng(4)
+    grid = np.stack(np.meshgrid(np.linspace(-2.0, 2.0, 7), np.linspace(-1.4, 1.4, 5)), axis=-1).reshape(-1, 2)
+    noisy = [
+        v._replace(u=v.u + du, v=v.v + dv)
+        for v, (du, dv) in zip(seen(tilted(0.4), grid), rng.normal(0.0, 0.5, (35, 2)), strict=True)
+    ]
+    many = Homography.fit(noisy, camera="north")
+    four = Homography.fit([noisy[i] for i in (0, 6, 34, 28)], camera="north")
+    exact = seen(tilted(0.4), grid)
+    pixels, places = np.array(exact)[:, :2], np.array(exact)[:, 2:]
+
+    def error(h: Homography) -> float:
+        return float(np.sqrt(((h.to_metres(pixels) - places) ** 2).mean()))
+
+    assert error(many) < 0.7 * error(four)
+    assert four.residual == pytest.approx(0.0, abs=1e-3)
+    # 70 numbers less the 8 that the fit takes: sqrt(2 * 0.5^2 * 62 / 70) = 0.665.
+    assert many.residual == pytest.approx(0.665, rel=0.25)
+
+
+def test_pixels_above_the_horizon_and_places_behind_the_camera_are_nowhere() -> None:
+    homography = Homography.fit(seen(tilted(1.0), CORNERS + np.array([0.0, 4.0])), camera="north")
+    assert np.isnan(homography.to_metres(np.array([640.0, -600.0]))).all()
+    assert np.isfinite(homography.to_metres(np.array([640.0, 700.0]))).all()
+    assert np.isnan(homography.to_pixels(np.array([0.0, -30.0]))).all()
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("views", "problem"),
+        [
+            (straight_down_view(0, 0, 4, 3, 640, 480)[:3], "3 points"),
+            ([View(10 * i, 20 * i, 0.1 * i, 0.2 * i) for i in range(6)], "in a line"),
+            ([View(5, 5, 1, 1)] * 4, "in a line"),
+            # Three of four in a line.
+            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(200, 0, 2, 0), View(0, 100, 0, -1)], "in a line"),
+            # In a line on the floor, yet not in the picture.
+            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(150, 90, 2, 0), View(0, 100, 3, 0)], "in a line"),
+            # Nearly so: a tenth of a pixel decides.
+            ([View(0, 0, 0, 0), View(500, 0.05, 1, 0), View(1000, 0, 2, 0), View(500, 500, 1, -1)], "in a line"),
+            ([View(math.nan, 0, 0, 0), *straight_down_view(0, 0, 4, 3, 640, 480)], "nan"),
+        ],
+    )
+    def test_points_that_fix_no_homography_name_the_camera(self, views: list[View], problem: str) -> None:
+        with pytest.raises(ConfigError, match=problem) as refusal:
+            Homography.fit(views, camera="north")
+        assert str(refusal.value).startswith("camera north: points")
+
+    def test_two_swapped_points_are_noticed(self) -> None:
+        a, b, c, d = straight_down_view(0, 0, 4, 3, 640, 480)
+        swapped = [a, View(b.u, b.v, c.x, c.y), View(c.u, c.v, b.x, b.y), d]
+        with pytest.raises(ConfigError, match="folded"):
+            Homography.fit(swapped, camera="north")
+
+    def test_y_measured_downwards_is_noticed(self) -> None:
+        mirrored = [view._replace(y=-view.y) for view in straight_down_view(0, 0, 4, 3, 640, 480)]
+        with pytest.raises(ConfigError, match="mirrored"):
+            Homography.fit(mirrored, camera="north")
