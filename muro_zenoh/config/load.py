@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -48,13 +49,13 @@ def load_scenario(
     """Read a scenario, or a fleet file, and check it.
 
     Args:
-        path: the TOML file.
+        path: the TOML file; or the JSON one that :func:`as_table` became for the processes of a run.
         robots: how many robots to use: so many of those in the file, or so many made from ``[all]``.
         overrides: values by full key, such as ``{"circle.radius": 1.0}``, laid over the file's.
         name: what to call it; by default the file's name without its ending.
 
     Raises:
-        ConfigError: no such file, not TOML, a wrong key, type or range, or an impossible scenario.
+        ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
     """
     path = Path(path)
     table = _read_with_fleet(path)
@@ -124,29 +125,36 @@ def parameters_as(kind: type[S], parameters: Mapping[str, object], where: str) -
 # ---- reading
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file as a table.
+def read_table(path: Path) -> dict[str, Any]:
+    """A TOML file, or a JSON one by its ending, as a table.
+
+    Args:
+        path: the file.
 
     Raises:
-        ConfigError: no such file, not readable, or not TOML.
+        ConfigError: no such file, not readable, not what its ending says, or no table.
     """
+    kind = "JSON" if path.suffix == ".json" else "TOML"
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
+        text = path.read_bytes().decode()
+        table = json.loads(text) if kind == "JSON" else tomllib.loads(text)
     except FileNotFoundError:
-        raise ConfigError(str(path), got="no such file", expected="a TOML file") from None
+        raise ConfigError(str(path), got="no such file", expected=f"a {kind} file") from None
     except OSError as error:
-        raise ConfigError(str(path), got=error.strerror or str(error), expected="a readable TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(str(path), got=str(error), expected="TOML") from error
+        raise ConfigError(str(path), got=error.strerror or str(error), expected=f"a readable {kind} file") from error
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(str(path), got=str(error), expected=kind) from error
+    if not isinstance(table, dict):
+        raise ConfigError(str(path), got=show(table), expected="a table of settings")
+    return table
 
 
 def _read_with_fleet(path: Path) -> dict[str, Any]:
-    table = read_toml(path)
+    table = read_table(path)
     if "fleet" not in table:
         return table
     fleet_path = path.parent / _value(str, table["fleet"], path.name, "fleet")
-    fleet = read_toml(fleet_path)
+    fleet = read_table(fleet_path)
     merged = {**fleet, **{key: value for key, value in table.items() if key != "fleet"}}
     for key in ("all", "arena", "bus", "simulation"):
         if key in fleet and key in table:

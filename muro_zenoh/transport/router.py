@@ -30,3 +30,36 @@ async def run_router(settings: BusSettings) -> None:
         await asyncio.Event().wait()
     finally:
         await link.close()
+
+
+def router_settings(settings: BusSettings) -> BusSettings:
+    """The router's own settings, from those of the processes that connect to it.
+
+    Args:
+        settings: the ``[bus]`` section that everybody has. Without a ``listen`` the router listens where the others
+            connect.
+    """
+    return msgspec.structs.replace(settings, mode="router", listen=settings.listen or settings.connect, connect=())
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The router's process: ``python -P -m muro_zenoh.transport.router FILE``.
+
+    Args:
+        arguments: the scenario or fleet file; by default the command line's.
+    """
+    import sys
+
+    from muro_zenoh.config import load_scenario
+    from muro_zenoh.runtime.process import run_process
+
+    (file,) = sys.argv[1:] if arguments is None else arguments
+
+    async def route() -> None:
+        await run_router(router_settings(load_scenario(file).bus))
+
+    return run_process(route, "router")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

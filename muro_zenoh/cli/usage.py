@@ -1,0 +1,111 @@
+"""Processor time and memory of processes, from Linux's ``/proc``. Elsewhere there are no numbers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a process has used.
+
+    Attributes:
+        cpu: processor time since its start, user and system [s].
+        rss: resident memory now [MB of 10^6 bytes].
+    """
+
+    cpu: float
+    rss: float
+
+
+def read_usage(pid: int) -> Reading | None:
+    """What a process has used so far; None when it is gone, or where there is no ``/proc``.
+
+    Args:
+        pid: of the process.
+    """
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+        pages = Path(f"/proc/{pid}/statm").read_text().split()[1]
+    except (OSError, IndexError):
+        return None
+    # The second field is the program's name in brackets, and may hold anything; what follows is counted from there.
+    fields = stat.rpartition(")")[2].split()
+    ticks = int(fields[11]) + int(fields[12])
+    return Reading(ticks / os.sysconf("SC_CLK_TCK"), int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6)
+
+
+@dataclass(slots=True)
+class Usage:
+    """One process's use of the machine through all its lives.
+
+    Attributes:
+        cpu: processor time since the first :meth:`note` [s].
+        rss: largest resident memory seen [MB].
+    """
+
+    cpu: float = 0.0
+    rss: float = 0.0
+    _lives: dict[int, float] = field(default_factory=dict)
+
+    def note(self, pid: int, *, first: bool = False) -> None:
+        """Read again.
+
+        Args:
+            pid: of the present life.
+            first: what it has used until now does not count.
+        """
+        reading = read_usage(pid)
+        if reading is None:
+            return
+        before = self._lives.get(pid, reading.cpu if first else 0.0)
+        self.cpu += reading.cpu - before
+        self.rss = max(self.rss, reading.rss)
+        self._lives[pid] = reading.cpu
+
+
+class UsageTable:
+    """Use of the machine by name, from a moment on."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, Usage] = {}
+
+    def begin(self, processes: Iterable[tuple[str, int | None]]) -> None:
+        """Count from now on.
+
+        Args:
+            processes: name and present pid of each.
+        """
+        self._of = {}
+        for name, pid in processes:
+            usage = self._of[name] = Usage()
+            if pid is not None:
+                usage.note(pid, first=True)
+
+    def note(self, processes: Iterable[tuple[str, int | None]]) -> None:
+        """Read again; do so every second or so, since a process that dies takes its numbers along.
+
+        Args:
+            processes: name and present pid of each.
+        """
+        for name, pid in processes:
+            if pid is not None:
+                self._of.setdefault(name, Usage()).note(pid)
+
+    def report(self, elapsed: float) -> dict[str, dict[str, float | None]]:
+        """``cpu_percent`` (of one core) and ``rss_mb`` by name.
+
+        Args:
+            elapsed: since :meth:`begin` [s].
+        """
+        known = Path("/proc/self/stat").exists()
+        return {
+            name: {
+                "cpu_percent": round(100.0 * u.cpu / elapsed, 2) if known and elapsed > 0.0 else None,
+                "rss_mb": round(u.rss, 1) if known else None,
+            }
+            for name, u in self._of.items()
+        }
