@@ -1,0 +1,120 @@
+"""Plans that keep inside the arena, or are refused with the reason."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from muro_zenoh.errors import PlanningError
+from muro_zenoh.geometry import Pose2
+from muro_zenoh.planning.dubins import WORDS, Word, all_words, path_of
+from muro_zenoh.planning.path import Path
+
+
+class Bounds(NamedTuple):
+    """The floor that robots may use: ``x_min``, ``x_max``, ``y_min``, ``y_max`` [m, world]."""
+
+    x_min: float
+    x_max: float
+    y_min: float
+    y_max: float
+
+    def __str__(self) -> str:
+        return f"x {self.x_min:g} to {self.x_max:g}, y {self.y_min:g} to {self.y_max:g} m"
+
+    def shrunk(self, margin: float) -> Bounds:
+        """The places that keep ``margin`` [m] from the walls.
+
+        Args:
+            margin: distance to keep [m], such as a robot's radius.
+        """
+        return Bounds(self.x_min + margin, self.x_max - margin, self.y_min + margin, self.y_max - margin)
+
+    def holds(self, x: float, y: float, slack: float = 1e-9) -> bool:
+        """Whether a place is inside, border included.
+
+        Args:
+            x: place [m, world].
+            y: place [m, world].
+            slack: how far outside still counts [m]; rounding.
+        """
+        return (
+            self.x_min - slack <= x <= self.x_max + slack and self.y_min - slack <= y <= self.y_max + slack
+        )  # comparisons with NaN are false, so NaN is outside
+
+
+def require_goal_inside(goal: Pose2, bounds: Bounds, margin: float = 0.0) -> None:
+    """Refuse a goal that a robot cannot stand on.
+
+    Args:
+        goal: the goal [world].
+        bounds: the arena.
+        margin: distance that the robot's middle keeps from the walls [m].
+
+    Raises:
+        PlanningError: the goal is outside; the message says where and what would do.
+    """
+    inside = bounds.shrunk(margin)
+    if not inside.holds(goal.x, goal.y):
+        keep = f", {margin:g} m from the walls" if margin else ""
+        raise PlanningError(
+            f"goal ({goal.x:.3f}, {goal.y:.3f}) m is outside the arena: expected {inside}{keep}. Choose a goal inside"
+        )
+
+
+def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None:
+    """Refuse a path that leaves the arena on its way; exact on arcs.
+
+    Args:
+        path: the path.
+        bounds: the arena.
+        margin: distance that the robot's middle keeps from the walls [m].
+
+    Raises:
+        PlanningError: the path leaves it; the message says by how far.
+    """
+    inside = bounds.shrunk(margin)
+    x_min, x_max, y_min, y_max = path.extent()
+    out = max(inside.x_min - x_min, x_max - inside.x_max, inside.y_min - y_min, y_max - inside.y_max)
+    if out > 1e-9:
+        raise PlanningError(
+            f"path from ({path.start.x:.3f}, {path.start.y:.3f}) to ({path.end.x:.3f}, {path.end.y:.3f}) m leaves the "
+            f"arena by {out:.3f} m: expected {inside}. Choose another heading at the goal, or a smaller turning radius"
+        )
+
+
+def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0) -> Path:
+    """The shortest Dubins path that keeps inside the arena, of the six words.
+
+    Args:
+        start: where the path begins [world].
+        goal: where it ends [world].
+        radius: the turning radius [m], above 0.
+        bounds: the arena.
+        margin: distance that the robot's middle keeps from the walls [m]; a start that is nearer may leave it.
+
+    Raises:
+        PlanningError: the goal is outside, or every word leaves the arena; the message is the shortest one's.
+    """
+    require_goal_inside(goal, bounds, margin)
+    inside = bounds.shrunk(margin)
+    # A robot that is already nearer to a wall than the margin must be able to come away from it.
+    room = Bounds(
+        min(inside.x_min, start.x), max(inside.x_max, start.x), min(inside.y_min, start.y), max(inside.y_max, start.y)
+    )
+    words = all_words(np.array(start), np.array(goal), radius)
+    refused: PlanningError | None = None
+    for k in np.argsort(words.size, kind="stable").tolist():
+        if not np.isfinite(words.size[k]):
+            break
+        sizes = (float(words.first[k]), float(words.middle[k]), float(words.last[k]))
+        path = path_of(start, Word(WORDS[k], *sizes), radius)
+        try:
+            require_path_inside(path, room)
+        except PlanningError as error:
+            refused = refused or error
+        else:
+            return path
+    assert refused is not None  # LSL and RSR always exist
+    raise refused

@@ -1,0 +1,214 @@
+"""Dubins curves: the shortest path between two poses for a car that drives forwards and turns no tighter than a radius.
+
+The shortest is one of six words (L left arc, S straight, R right arc): LSL RSR LSR RSL RLR LRL. Each follows from the
+two turning circles that it joins: with ``d`` from the centre of the first to that of the last, in turning radii,
+
+* outer tangent (LSL, RSR): straight ``|d|``;
+* inner tangent (LSR, RSL): straight ``sqrt(|d|^2 - 4)``, where the circles do not overlap;
+* a third circle between (RLR, LRL): middle arc ``2 pi - acos(1 - |d|^2 / 8)``, where ``|d| < 4``.
+
+Arcs are taken modulo a whole turn; what comes out within 1e-9 of one is none, or rounding would add a full circle.
+
+Source: Dubins, American Journal of Mathematics 79, 1957; seed 004, section 4.
+"""
+
+from __future__ import annotations
+
+import math
+from math import acos, atan2, cos, sin, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from muro_zenoh.elementwise import Array
+from muro_zenoh.geometry import TWO_PI, Pose2
+from muro_zenoh.planning.path import Path, Segment
+
+WORDS: Final = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
+"""The six words; of equal lengths the first here is taken."""
+
+_FULL: Final = TWO_PI - 1e-9
+_TURN: Final = {"L": 1.0, "S": 0.0, "R": -1.0}
+
+
+class Word(NamedTuple):
+    """A word with the sizes of its three pieces, in turning radii: arcs in rad, the straight as a multiple."""
+
+    word: str
+    first: float
+    middle: float
+    last: float
+
+    @property
+    def size(self) -> float:
+        """Length of the path in turning radii [-]."""
+        return self.first + self.middle + self.last
+
+
+def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
+    """The shortest of the six words between two poses.
+
+    Args:
+        start: where the path begins [world].
+        goal: where it ends [world].
+        radius: the turning radius [m], above 0.
+    """
+    x0, y0, a0 = start
+    x1, y1, a1 = goal
+    dx, dy = (x1 - x0) / radius, (y1 - y0) / radius
+    s0, c0, s1, c1 = sin(a0), cos(a0), sin(a1), cos(a1)
+
+    # From left centre to left centre and from right to right.
+    lx, ly = dx + s0 - s1, dy - c0 + c1
+    rx, ry = dx - s0 + s1, dy + c0 - c1
+    left, right = sqrt(lx * lx + ly * ly), sqrt(rx * rx + ry * ry)
+    left_way, right_way = atan2(ly, lx), atan2(ry, rx)
+
+    # Circles that coincide have no tangent: one arc is all.
+    t = ((left_way if left > 1e-9 else a1) - a0) % TWO_PI
+    q = (a1 - left_way) % TWO_PI if left > 1e-9 else 0.0
+    t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+    best, word, first, middle, last = t + left + q, "LSL", t, left, q
+
+    t = (a0 - (right_way if right > 1e-9 else a1)) % TWO_PI
+    q = (right_way - a1) % TWO_PI if right > 1e-9 else 0.0
+    t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+    if t + right + q < best:
+        best, word, first, middle, last = t + right + q, "RSR", t, right, q
+
+    # From left centre to right centre and from right to left. A word whose straight alone is longer is not looked at.
+    x, y = dx + s0 + s1, dy - c0 - c1
+    square = x * x + y * y - 4.0
+    if 0.0 <= square < best * best:
+        p = sqrt(square)
+        way = atan2(y, x) + atan2(2.0, p)
+        t, q = (way - a0) % TWO_PI, (way - a1) % TWO_PI
+        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+        if t + p + q < best:
+            best, word, first, middle, last = t + p + q, "LSR", t, p, q
+
+    x, y = dx - s0 - s1, dy + c0 + c1
+    square = x * x + y * y - 4.0
+    if 0.0 <= square < best * best:
+        p = sqrt(square)
+        way = atan2(y, x) - atan2(2.0, p)
+        t, q = (a0 - way) % TWO_PI, (a1 - way) % TWO_PI
+        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+        if t + p + q < best:
+            best, word, first, middle, last = t + p + q, "RSL", t, p, q
+
+    # The middle arc of the last two is more than half a turn.
+    if best > math.pi and right < 4.0:
+        p = TWO_PI - acos(1.0 - 0.125 * right * right)
+        t = (a0 - right_way + 0.5 * p) % TWO_PI
+        q = (a0 - a1 - t + p) % TWO_PI
+        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+        if t + p + q < best:
+            best, word, first, middle, last = t + p + q, "RLR", t, p, q
+
+    if best > math.pi and left < 4.0:
+        p = TWO_PI - acos(1.0 - 0.125 * left * left)
+        t = (left_way - a0 + 0.5 * p) % TWO_PI
+        q = (a1 - a0 - t + p) % TWO_PI
+        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+        if t + p + q < best:
+            return Word("LRL", t, p, q)
+
+    return Word(word, first, middle, last)
+
+
+def path_of(start: Pose2, word: Word, radius: float) -> Path:
+    """A word laid out from a start; always three segments, some perhaps of no length.
+
+    Args:
+        start: where the path begins [world].
+        word: the word and its sizes.
+        radius: the turning radius [m], above 0.
+    """
+    sizes = (word.first, word.middle, word.last)
+    return Path(
+        start, tuple(Segment(size * radius, _TURN[c] / radius) for c, size in zip(word.word, sizes, strict=True))
+    )
+
+
+def plan(start: Pose2, goal: Pose2, radius: float) -> Path:
+    """The shortest path between two poses. From a pose to itself it has no length.
+
+    Args:
+        start: where the path begins [world].
+        goal: where it ends [world]; inside the turning circles will do.
+        radius: the turning radius [m], above 0.
+
+    Raises:
+        ValueError: a radius not above 0, or numbers that are not finite.
+    """
+    if not (radius > 0.0 and math.isfinite(radius + sum(start) + sum(goal))):
+        raise ValueError(
+            f"Dubins plan: got {start}, {goal} and radius {radius!r} m, expected finite numbers, radius above 0"
+        )
+    return path_of(start, shortest_word(start, goal, radius), radius)
+
+
+class WordArrays(NamedTuple):
+    """All six words of many pairs, each of shape ``[..., 6]`` in the order of :data:`WORDS`, in turning radii.
+
+    A word that does not exist for a pair has a ``size`` of infinity.
+    """
+
+    size: Array
+    first: Array
+    middle: Array
+    last: Array
+
+    @property
+    def shortest(self) -> NDArray[np.intp]:
+        """Index of the shortest word, shape ``[...]``."""
+        index: NDArray[np.intp] = np.argmin(self.size, axis=-1)
+        return index
+
+
+def all_words(start: Array, goal: Array, radius: float) -> WordArrays:
+    """All six words for arrays of pairs.
+
+    Args:
+        start: poses ``x, y, theta`` [m, m, rad; world], shape ``[..., 3]``.
+        goal: poses of a shape that broadcasts with it.
+        radius: the turning radius [m], above 0.
+    """
+    start, goal = np.broadcast_arrays(np.asarray(start, dtype=float), np.asarray(goal, dtype=float))
+    dx, dy = (goal[..., 0] - start[..., 0]) / radius, (goal[..., 1] - start[..., 1]) / radius
+    a0, a1 = start[..., 2], goal[..., 2]
+    s0, c0, s1, c1 = np.sin(a0), np.cos(a0), np.sin(a1), np.cos(a1)
+    lx, ly, rx, ry = dx + s0 - s1, dy - c0 + c1, dx - s0 + s1, dy + c0 - c1
+    left, right = np.hypot(lx, ly), np.hypot(rx, ry)
+    left_way, right_way = np.arctan2(ly, lx), np.arctan2(ry, rx)
+    one_left, one_right = left <= 1e-9, right <= 1e-9
+
+    lsl = (np.where(one_left, a1, left_way) - a0, left, np.where(one_left, 0.0, a1 - left_way))
+    rsr = (a0 - np.where(one_right, a1, right_way), right, np.where(one_right, 0.0, right_way - a1))
+
+    def inner(x: Array, y: Array, sign: float) -> tuple[Array, Array, Array]:
+        square = x * x + y * y - 4.0
+        p = np.sqrt(np.where(square >= 0.0, square, np.nan))
+        way = np.arctan2(y, x) + sign * np.arctan2(2.0, p)
+        return sign * (way - a0), p, sign * (way - a1)
+
+    def middle(distance: Array, way: Array, sign: float) -> tuple[Array, Array, Array]:
+        p = TWO_PI - np.arccos(np.where(distance < 4.0, 1.0 - 0.125 * distance * distance, np.nan))
+        t = sign * (way - a0) + 0.5 * p
+        return t, p, sign * (a1 - a0) - t + p
+
+    words = (
+        lsl,
+        rsr,
+        inner(dx + s0 + s1, dy - c0 - c1, 1.0),
+        inner(dx - s0 - s1, dy + c0 + c1, -1.0),
+        middle(right, right_way, -1.0),
+        middle(left, left_way, 1.0),
+    )
+    first, straight, last = (np.stack([word[k] for word in words], axis=-1) for k in range(3))
+    first, last = np.mod(first, TWO_PI), np.mod(last, TWO_PI)
+    first, last = np.where(first > _FULL, 0.0, first), np.where(last > _FULL, 0.0, last)
+    size = first + straight + last
+    return WordArrays(np.where(np.isnan(size), np.inf, size), first, straight, last)

@@ -1,0 +1,35 @@
+"""The heading to arrive with when a goal has none."""
+
+from __future__ import annotations
+
+import math
+
+from muro_zenoh.geometry import Pose2
+
+
+def goal_heading(pose: Pose2, x: float, y: float) -> float:
+    """The direction from the robot to the goal [rad, (-pi, pi]]: the robot will go on the way it has come.
+
+    ``theta = atan2(y_goal - y, x_goal - x)``; at the goal itself (within 1 mm) the heading that the robot has.
+
+    Args:
+        pose: where the robot is [world].
+        x: the goal [m, world].
+        y: the goal [m, world].
+
+    Source: seed 004, section 4.1, whose arctangent in two pieces this is.
+    """
+    dx, dy = x - pose.x, y - pose.y
+    return math.atan2(dy, dx) if math.hypot(dx, dy) > 1e-3 else pose.theta
+
+
+def goal_pose(pose: Pose2, x: float, y: float, theta: float | None) -> Pose2:
+    """A goal with its heading filled in where it has none.
+
+    Args:
+        pose: where the robot is [world].
+        x: the goal [m, world].
+        y: the goal [m, world].
+        theta: the heading to arrive with [rad], or None.
+    """
+    return Pose2(x, y, goal_heading(pose, x, y) if theta is None else theta)

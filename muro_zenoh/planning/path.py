@@ -1,0 +1,161 @@
+"""A planned path: a start and a chain of arcs and straights, parametrised by the way along it.
+
+Plain data, a start pose and ``(length, curvature)`` rows, so that it can be sent as a message and rebuilt from one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from muro_zenoh.geometry import TWO_PI, Pose2, advance
+
+STRAIGHT = 1e-9
+"""Curvatures below this [1/m] count as straight."""
+
+
+class Segment(NamedTuple):
+    """A piece of a path: ``length`` [m], not below 0, and ``curvature`` [1/m], to the left positive, 0 straight on."""
+
+    length: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A chain of arcs and straights from a start, each beginning where the last one ends, in its direction.
+
+    Args:
+        start: where it begins [world].
+        segments: its pieces in order.
+
+    Attributes:
+        knots: the pose at the start of each segment, and the end; one more than there are segments.
+        ways: the way along the path to each knot [m].
+    """
+
+    start: Pose2
+    segments: tuple[Segment, ...]
+    knots: tuple[Pose2, ...] = field(init=False, repr=False, compare=False)
+    ways: tuple[float, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        (x, y, theta), way = self.start, 0.0
+        knots, ways = [self.start], [way]
+        for length, curvature in self.segments:
+            if not (length >= 0.0 and math.isfinite(length + curvature)):
+                raise ValueError(
+                    f"path segment: got length {length!r} m and curvature {curvature!r} 1/m, expected finite numbers, "
+                    "the length not below 0"
+                )
+            if length > 0.0:
+                x, y, theta = advance(knots[-1], length, length * curvature, 1.0)
+                way += length
+            knots.append(Pose2(x, y, theta))
+            ways.append(way)
+        object.__setattr__(self, "knots", tuple(knots))
+        object.__setattr__(self, "ways", tuple(ways))
+
+    @property
+    def length(self) -> float:
+        """The whole way [m]."""
+        return self.ways[-1]
+
+    @property
+    def end(self) -> Pose2:
+        """Where it ends [world]."""
+        return self.knots[-1]
+
+    def _segment_at(self, s: float) -> int:
+        """Index of the segment that holds ``s``; at a knot, the later one that has a length."""
+        for k in range(len(self.segments)):
+            if s < self.ways[k + 1]:
+                return k
+        return len(self.segments) - 1
+
+    def pose_at(self, s: float) -> Pose2:
+        """The pose on the path [world].
+
+        Args:
+            s: the way along it [m]; before the start and beyond the end it is the start or the end.
+        """
+        if not self.segments or s <= 0.0:
+            return self.start
+        if s >= self.length:
+            return self.end
+        k = self._segment_at(s)
+        part = s - self.ways[k]
+        return advance(self.knots[k], part, part * self.segments[k].curvature, 1.0)
+
+    def curvature_at(self, s: float) -> float:
+        """The signed curvature [1/m], to the left positive; at a knot that of the segment after it.
+
+        Args:
+            s: the way along the path [m]; before the start and beyond the end it is that of the first or last segment.
+        """
+        return self.segments[self._segment_at(s)].curvature if self.segments else 0.0
+
+    def sample(self, step: float) -> Iterator[Pose2]:
+        """Poses along the path [world], evenly spaced, both ends included.
+
+        Args:
+            step: greatest way between two poses [m], above 0.
+        """
+        count = max(math.ceil(self.length / step - 1e-9), 1)
+        for k in range(count + 1):
+            yield self.pose_at(self.length * k / count)
+
+    def project(self, x: float, y: float, low: float = 0.0, high: float = math.inf) -> float:
+        """The way along the path [m] to its point nearest to a place, exact on arcs and straights.
+
+        Args:
+            x: the place [m, world].
+            y: the place [m, world].
+            low: search from here on [m]: a path may cross itself, and the robot has not gone back.
+            high: search up to here [m].
+        """
+        low = min(max(low, 0.0), self.length)
+        high = max(min(high, self.length), low)
+        best, nearest = low, math.inf
+        for k, (length, curvature) in enumerate(self.segments):
+            first, last = max(low - self.ways[k], 0.0), min(high - self.ways[k], length)
+            if first > last:
+                continue
+            knot = self.knots[k]
+            for part in _nearest(knot, curvature, length, x, y, first, last):
+                there = advance(knot, part, part * curvature, 1.0)
+                distance = (there.x - x) ** 2 + (there.y - y) ** 2
+                if distance < nearest:
+                    best, nearest = self.ways[k] + part, distance
+        return best
+
+    def extent(self) -> tuple[float, float, float, float]:
+        """The box that the path keeps within: least x, greatest x, least y, greatest y [m, world]."""
+        xs, ys = [pose.x for pose in self.knots], [pose.y for pose in self.knots]
+        for knot, (length, curvature) in zip(self.knots, self.segments, strict=False):
+            if abs(curvature) < STRAIGHT:
+                continue
+            for heading in (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi):
+                # Along an axis the heading is where the other coordinate turns back.
+                part = (math.copysign(1.0, curvature) * (heading - knot.theta)) % TWO_PI / abs(curvature)
+                if part < length:
+                    there = advance(knot, part, part * curvature, 1.0)
+                    xs.append(there.x)
+                    ys.append(there.y)
+        return min(xs), max(xs), min(ys), max(ys)
+
+
+def _nearest(
+    knot: Pose2, curvature: float, length: float, x: float, y: float, first: float, last: float
+) -> Sequence[float]:
+    """Candidates on a segment, from its start [m], for the point nearest to a place, between first and last."""
+    c, s = math.cos(knot.theta), math.sin(knot.theta)
+    along, left = c * (x - knot.x) + s * (y - knot.y), c * (y - knot.y) - s * (x - knot.x)
+    if abs(curvature) < STRAIGHT:
+        return (min(max(along, first), last),)
+    # In the knot's frame the arc is (sin(k s), 1 - cos(k s)) / k. Just behind the start comes out a whole turn ahead.
+    turned = math.atan2(along * curvature, 1.0 - left * curvature)
+    part = math.copysign(1.0, curvature) * turned % TWO_PI / abs(curvature)
+    return (part,) if first <= part <= last else (first, last)
