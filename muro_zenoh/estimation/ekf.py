@@ -192,6 +192,28 @@ def drive(stretch: Stretch, mean: Mean, v: Any, omega: Any, dt: Any, settings: F
     )
 
 
+def carry(x: Any, y: Any, theta: Any, v: Any, omega: Any, dt: Any) -> tuple[Any, Any, Any]:
+    """A pose alone, carried along one arc: :func:`drive` without what the covariance needs.
+
+    Args:
+        x: place [m, world].
+        y: place [m, world].
+        theta: heading [rad].
+        v: true speed [m/s].
+        omega: true turning speed [rad/s], \\|omega dt\\| < 1 rad.
+        dt: how long [s].
+
+    Returns:
+        x, y [m, world] and theta [rad], not wrapped.
+    """
+    xp = elementwise.of(theta)
+    h = 0.5 * dt * omega
+    hh = h * h
+    d = dt * v * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
+    mid = theta + h
+    return x + d * xp.cos(mid), y + d * xp.sin(mid), mid + h
+
+
 def predict(mean: Mean, P: Covariance, stretch: Stretch, settings: FilterSettings) -> tuple[Mean, Covariance]:
     """Mean and covariance at the end of a stretch: P' = F P F^T + Q.
 

@@ -1,0 +1,114 @@
+"""How fast the circle laws settle, beside the shortest Dubins path: lock-step, clean and noisy.
+
+500 starts from a fixed seed in 4.2 x 3 m, circle of 0.6 m, 0.15 m/s, at most 1 rad/s, 3 cm band. The ratio is the
+settling time over the time that the full shortest Dubins path to any tangent takes. Starts that are in the band within
+1 s by that path are left out and counted.
+
+    python benchmarks/convergence.py [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from muro_zenoh.control.circle import CIRCLE_LAWS, DEFAULT_CIRCLE_LAW, circle_law
+from muro_zenoh.geometry import Circle
+from muro_zenoh.simulation.rollout.runs import CircleRun, follow_circle, settling_time
+from muro_zenoh.simulation.rollout.settings import CLEAN, NOISY
+from muro_zenoh.simulation.rollout.yardstick import shortest_tangent_path
+
+WIDTH, HEIGHT = 4.2, 3.0
+CIRCLE = Circle(WIDTH / 2, HEIGHT / 2, 0.6)
+V, OMEGA_MAX, BAND = 0.15, 1.0, 0.03
+GOALS = {"clean": (1.00, 1.05), "noisy": (1.10, 1.20)}
+
+
+def draw_starts(n: int, seed: int = 1) -> np.ndarray:
+    """Poses anywhere in the arena (n, 3)."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform((0.0, 0.0, -math.pi), (WIDTH, HEIGHT, math.pi), (n, 3))
+
+
+def measure(n: int, seconds: float) -> list[dict[str, Any]]:
+    """The rows of all laws in both loops; that of the default law in the noisy one says when the scales were found."""
+    starts = draw_starts(n)
+    reference = shortest_tangent_path(starts, CIRCLE, V, OMEGA_MAX, BAND)
+    counted = reference.enters >= 1.0
+    rows: list[dict[str, Any]] = []
+    for law in CIRCLE_LAWS:
+        for loop, settings in (("clean", CLEAN), ("noisy", NOISY)):
+            rng = np.random.default_rng(2)
+            run = follow_circle(starts, CIRCLE, circle_law(law), V, settings, rng, seconds)
+            settled = settling_time(run.time, abs(run.radius_error) > BAND)
+            ratio = (settled / reference.full)[counted]
+            rows.append(
+                {
+                    "law": law,
+                    "default": law == DEFAULT_CIRCLE_LAW,
+                    "loop": loop,
+                    "median": finite(np.quantile(ratio, 0.5, method="higher")),
+                    "p90": finite(np.quantile(ratio, 0.9, method="higher")),
+                    "unsettled": int(np.isinf(ratio).sum()),
+                    "starts": int(counted.sum()),
+                    "left_out": int((~counted).sum()),
+                }
+            )
+            if law == DEFAULT_CIRCLE_LAW and loop == "noisy":
+                rows[-1] |= calibrate(run)
+    return rows
+
+
+def calibrate(run: CircleRun) -> dict[str, Any]:
+    """When the drive scales are within 5 % for good: s_v after the start, s_omega after so long of turning [s]."""
+    period = np.arange(1, len(run.turned) + 1) * NOISY.period
+    found_v = settling_time(period, abs(run.scale_error_v) > 0.05)
+    found_omega = settling_time(period, abs(run.scale_error_omega) > 0.05)
+    index = np.minimum(np.searchsorted(period, found_omega), len(period) - 1)
+    turning = np.where(np.isinf(found_omega), np.inf, run.turned[index, np.arange(len(index))])
+    return {
+        name: {
+            "median": finite(np.median(t)),
+            "p99": finite(np.quantile(t, 0.99, method="higher")),
+            "max": finite(t.max()),
+        }
+        for name, t in (("s_v_found_s", found_v), ("s_omega_found_s_of_turning", turning))
+    }
+
+
+def finite(value: float) -> float | None:
+    """A number that JSON has; None for one that never came."""
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    parser.add_argument("--starts", type=int, default=500, help="how many starts (default %(default)s)")
+    parser.add_argument("--seconds", type=float, default=90.0, help="length of a run (default %(default)s)")
+    arguments = parser.parse_args()
+    rows = measure(arguments.starts, arguments.seconds)
+    print(f"{rows[0]['starts']} starts, {rows[0]['left_out']} left out; settling time over the full Dubins path")
+    print(f"{'law':<16}{'loop':<8}{'median':>8}{'p90':>8}{'unsettled':>11}   goal")
+    for row in rows:
+        goal = "<= {:.2f}, {:.2f}".format(*GOALS[row["loop"]]) if row["default"] else ""
+        print(f"{row['law']:<16}{row['loop']:<8}{text(row['median'])}{text(row['p90'])}{row['unsettled']:>11}   {goal}")
+    for name, value in next(row for row in rows if row["default"] and row["loop"] == "noisy").items():
+        if isinstance(value, dict):
+            print(f"{name}: median {value['median']}, p99 {value['p99']}, max {value['max']}")
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(rows, indent=2) + "\n")
+
+
+def text(value: float | None) -> str:
+    """A cell of the table."""
+    return f"{'never' if value is None else format(value, '.3f'):>8}"
+
+
+if __name__ == "__main__":
+    main()

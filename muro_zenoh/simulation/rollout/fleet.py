@@ -1,0 +1,141 @@
+"""The lock-step loop: plant, cameras, filter and limits of N robots, advanced together, without bus or clock."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from muro_zenoh.elementwise import Array
+from muro_zenoh.estimation.ekf import Fix
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.rollout.array_filter import ArrayFilter
+from muro_zenoh.simulation.rollout.settings import LoopSettings
+
+
+class Seen(NamedTuple):
+    """What the laws see of N robots: ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s], ``omega`` [rad/s], (N,).
+
+    For now plus the wheels' lag, when a command given now will have taken effect.
+    """
+
+    x: Array
+    y: Array
+    theta: Array
+    v: Array
+    omega: Array
+
+
+Policy = Callable[[float, Seen], tuple[Array, Array]]
+"""``policy(t, seen) -> (v, omega)``: the speeds wanted of the robots (N,) [m/s], [rad/s], before calibration."""
+
+
+class Fleet:
+    """N robots in one loop; robots of independent trials may stand side by side in it.
+
+    The same starts, settings and generator give the same bits, on one machine with one numpy.
+
+    Args:
+        starts: poses (N, 3): x, y [m, world], theta [rad].
+        settings: the loop.
+        rng: draws drive errors, slip and the noise of the fixes.
+    """
+
+    def __init__(self, starts: Array, settings: LoopSettings, rng: np.random.Generator) -> None:
+        self.settings = settings
+        self._rng = rng
+        self.plant = Plant(
+            starts,
+            rng,
+            limits=settings.wheels,
+            drive_error=settings.drive_error,
+            slip=settings.slip,
+            count_contacts=False,
+        )
+        n = len(self.plant)
+        self.command: Array = np.zeros((n, 2))
+        """The command in force (N, 2): v [m/s], omega [rad/s]."""
+        self.filter: ArrayFilter | None = None
+        """The filters, from the first fix on; None before, and in a loop that sees the truth."""
+        self.newest_fix: Fix | None = None
+        """The fixes that arrived last, arrays (N,); None in a loop that sees the truth."""
+        self._underway: deque[tuple[float, Fix]] = deque()
+        self._variances = settings.fix_sigma**2, settings.fix_sigma_theta**2
+        # Within a period the picture is taken so long before the law runs that the fix arrives at a run of the law.
+        self._capture = math.fmod(settings.period - math.fmod(settings.delay, settings.period), settings.period)
+        self._steps = 0
+        self._last_capture = 0.0
+        if settings.estimated:
+            # Robots stand and are seen before anyone gives them a command.
+            self.newest_fix = self._photograph()
+            self.filter = ArrayFilter(self.newest_fix, settings.filter, settings.wheels)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._steps * self.settings.period
+
+    @property
+    def fix_age(self) -> float:
+        """Time since the capture of :attr:`newest_fix` [s]."""
+        return self.time - self._last_capture
+
+    def step(self, policy: Policy, watch: Callable[[float, Array], None] | None = None) -> None:
+        """One period: the fix that is due, the law, calibration and limits, then the plant.
+
+        Args:
+            policy: the law.
+            watch: called with the time and the true poses (N, 3) after every move of the plant.
+        """
+        settings = self.settings
+        t = self.time
+        self._receive(t)
+        v, omega = policy(t, self.see())
+        if self.filter is not None:
+            v, omega = v / self.filter.mean.s_v, omega / self.filter.mean.s_omega
+        np.minimum(np.maximum(v, -settings.v_max), settings.v_max, out=self.command[:, 0])
+        np.minimum(np.maximum(omega, -settings.omega_max), settings.omega_max, out=self.command[:, 1])
+        if self.filter is None:
+            self._move(settings.period, watch)
+        else:
+            if self._capture > 1e-9:
+                self._move(self._capture, watch)
+            self._underway.append((t + self._capture, self._photograph()))
+            self._move(settings.period - self._capture, watch)
+        self._steps += 1
+
+    def see(self) -> Seen:
+        """What the law sees now."""
+        if self.filter is None:
+            x, y, theta = self.plant.pose.T
+            return Seen(x, y, theta, *self.plant.twist.T)
+        return Seen(*self.filter.ahead(self.command[:, 0], self.command[:, 1], self.settings.wheels.lag))
+
+    def _receive(self, t: float) -> None:
+        """Hand the filter the fixes that have arrived by ``t``."""
+        while self.filter is not None and self._underway and self._underway[0][0] + self.settings.delay <= t + 1e-9:
+            captured, fix = self._underway.popleft()
+            self.filter.fix(fix, captured - self._last_capture)
+            self._last_capture = captured
+            self.newest_fix = fix
+
+    def _move(self, dt: float, watch: Callable[[float, Array], None] | None) -> None:
+        self.plant.step(self.command, dt)
+        if self.filter is not None:
+            v, omega = self.plant.odometry_twist.T
+            self.filter.drove(v, omega, dt)
+        if watch is not None:
+            watch(self.plant.time, self.plant.pose)
+
+    def _photograph(self) -> Fix:
+        x, y, theta = self.plant.pose.T
+        noise = self._rng.standard_normal((3, len(x)))
+        sigma, sigma_theta = self.settings.fix_sigma, self.settings.fix_sigma_theta
+        place, heading = self._variances
+        return Fix(
+            x + sigma * noise[0], y + sigma * noise[1], theta + sigma_theta * noise[2],
+            place, 0.0, 0.0, place, 0.0, heading,
+        )  # fmt: skip

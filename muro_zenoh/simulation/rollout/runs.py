@@ -1,0 +1,172 @@
+"""Lock-step runs of the laws: circular path following from anywhere, cyclic pursuit from a bunch."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from muro_zenoh.control.circle import CircleLaw
+from muro_zenoh.control.pursuit import PursuitLaw, array_gaps, pursuit_speed
+from muro_zenoh.elementwise import ARRAYS, Array
+from muro_zenoh.geometry import TWO_PI, Circle
+from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
+from muro_zenoh.simulation.rollout.settings import LoopSettings
+
+
+class CircleRun(NamedTuple):
+    """A run of circular path following, sampled after every move of the plant.
+
+    ``time`` (T,) [s]; ``radius_error`` (T, N): distance from the centre less the radius [m], of the true places;
+    ``scale_error_v``, ``scale_error_omega`` (P, N): drive scales found over hidden ones, less 1, after every period,
+    and ``turned`` (P, N): time for which the wheels had turned by then [s]; empty in a loop without the filter.
+    """
+
+    time: Array
+    radius_error: Array
+    scale_error_v: Array
+    scale_error_omega: Array
+    turned: Array
+
+
+def follow_circle(
+    starts: Array,
+    circle: Circle,
+    law: CircleLaw,
+    v: float,
+    settings: LoopSettings,
+    rng: np.random.Generator,
+    seconds: float,
+) -> CircleRun:
+    """N robots, each alone, follow a circle from standstill.
+
+    Args:
+        starts: poses (N, 3): x, y [m, world], theta [rad].
+        circle: the circle and the direction of travel.
+        law: the circle law.
+        v: speed wanted [m/s].
+        settings: the loop.
+        rng: draws all that is random.
+        seconds: how long [s].
+    """
+    fleet = Fleet(starts, settings, rng)
+    speed = np.full(len(starts), v)
+    times: list[float] = []
+    errors: list[Array] = []
+
+    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
+        return speed, law(seen.x, seen.y, seen.theta, seen.v, circle)
+
+    def watch(t: float, pose: Array) -> None:
+        times.append(t)
+        errors.append(np.hypot(pose[:, 0] - circle.x, pose[:, 1] - circle.y) - circle.radius)
+
+    scales_v: list[Array] = []
+    scales_omega: list[Array] = []
+    turned: list[Array] = []
+    turning = np.zeros(len(starts))
+    for _ in range(round(seconds / settings.period)):
+        fleet.step(policy, watch)
+        if fleet.filter is not None:
+            scales_v.append(fleet.filter.mean.s_v / fleet.plant.s_v - 1.0)
+            scales_omega.append(fleet.filter.mean.s_omega / fleet.plant.s_omega - 1.0)
+            rate = abs(fleet.plant.odometry_twist[:, 1])
+            turning = turning + settings.period * (rate > settings.filter.omega_rest)
+            turned.append(turning)
+    return CircleRun(np.array(times), np.array(errors), np.array(scales_v), np.array(scales_omega), np.array(turned))
+
+
+class PursuitRun(NamedTuple):
+    """A run of cyclic pursuit, sampled after every move of the plant.
+
+    ``time`` (T,) [s]; ``spacing_error`` (T, trials): max over the robots of \\|gap - 2 pi / N\\| [rad];
+    ``radius_error`` (T, trials): greatest \\|distance from the centre - radius\\| [m], both of the true places.
+    """
+
+    time: Array
+    spacing_error: Array
+    radius_error: Array
+
+
+def pursue_ring(
+    starts: Array,
+    circle: Circle,
+    law: PursuitLaw,
+    circle_law: CircleLaw,
+    settings: LoopSettings,
+    rng: np.random.Generator,
+    seconds: float,
+) -> PursuitRun:
+    """Rings of robots, a trial each, spread on a circle from standstill.
+
+    A robot sees of the others what the snapshot tells: the place of the newest fix and the speed of the estimate, moved
+    on by its age. In a loop that sees the truth it sees that.
+
+    Args:
+        starts: poses (trials, N, 3): x, y [m, world], theta [rad].
+        circle: the circle and the direction of travel.
+        law: the pursuit law.
+        circle_law: the circle law.
+        settings: the loop.
+        rng: draws all that is random.
+        seconds: how long [s].
+    """
+    trials, n, _ = starts.shape
+    fleet = Fleet(starts.reshape(trials * n, 3), settings, rng)
+    times: list[float] = []
+    spacings: list[Array] = []
+    radii: list[Array] = []
+
+    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
+        angle = ring_angle(fleet, seen, circle).reshape(trials, n)
+        gap, behind, count = array_gaps(angle, circle.clockwise)
+        many = count.astype(np.float64)
+        speed: Array = pursuit_speed(law, gap, behind, many, angle, circle.radius, circle.clockwise)
+        return speed.ravel(), circle_law(seen.x, seen.y, seen.theta, seen.v, circle)
+
+    def watch(t: float, pose: Array) -> None:
+        x, y = pose[:, 0] - circle.x, pose[:, 1] - circle.y
+        gap, _, _ = array_gaps(np.arctan2(y, x).reshape(trials, n), circle.clockwise)
+        times.append(t)
+        spacings.append(abs(gap - TWO_PI / n).max(axis=1))
+        radii.append(abs(np.hypot(x, y) - circle.radius).reshape(trials, n).max(axis=1))
+
+    for _ in range(round(seconds / settings.period)):
+        fleet.step(policy, watch)
+    return PursuitRun(np.array(times), np.array(spacings), np.array(radii))
+
+
+def ring_angle(fleet: Fleet, seen: Seen, circle: Circle) -> Array:
+    """Where the snapshot puts each robot on its way round the circle now (N,) [rad].
+
+    The place of the newest fix, moved on by its tangential speed times its age, as
+    :func:`muro_zenoh.control.pursuit.ring_angles` does.
+
+    Args:
+        fleet: the robots.
+        seen: what the laws see.
+        circle: the circle.
+    """
+    fix = fleet.newest_fix
+    if fix is None:
+        return ARRAYS.atan2(seen.y - circle.y, seen.x - circle.x)  # type: ignore[no-any-return]
+    x, y = fix.x - circle.x, fix.y - circle.y
+    angle = np.arctan2(y, x)
+    moved: Array = angle + seen.v * np.sin(fix.theta - angle) / np.hypot(x, y) * fleet.fix_age
+    return moved
+
+
+def settling_time(time: Array, outside: NDArray[np.bool_]) -> Array:
+    """The time after which nothing is outside any more (N,) [s]; infinite where the last sample still is.
+
+    Args:
+        time: of the samples (T,) [s].
+        outside: whether a robot or ring is outside its band (T, N).
+    """
+    samples = len(time)
+    last = samples - 1 - np.argmax(outside[::-1], axis=0)
+    settled = np.where(outside.any(axis=0), time[last], 0.0)
+    result: Array = np.where(outside[-1], math.inf, settled)
+    return result
