@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from muro_zenoh.geometry import Circle
+from muro_zenoh.geometry import Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
 
 Positive = Annotated[float, Meta(gt=0)]
@@ -56,6 +56,17 @@ class Robot(Section, frozen=True, kw_only=True):
     brake: Positive = 1.0
     base: Literal["simulated"] = "simulated"
 
+    @property
+    def mount(self) -> TagMount:
+        """Its tag, as renderer and localization take it.
+
+        Raises:
+            ValueError: it carries none.
+        """
+        if self.tag is None:
+            raise ValueError("this robot carries no tag")
+        return TagMount(self.tag, self.tag_size, self.tag_x, self.tag_y, self.tag_yaw)
+
 
 class Arena(Section, frozen=True, kw_only=True):
     """The floor that robots may use, a rectangle.
@@ -76,6 +87,10 @@ class Arena(Section, frozen=True, kw_only=True):
     def bounds(self) -> tuple[float, float, float, float]:
         """``x_min, y_min, x_max, y_max`` [m]."""
         return self.x_min, self.y_min, self.x_max, self.y_max
+
+
+_VIEW_MARGIN = 0.1
+"""What a camera without points of its own sees beyond the arena [m]."""
 
 
 class Camera(Section, frozen=True, kw_only=True):
@@ -103,6 +118,17 @@ class Camera(Section, frozen=True, kw_only=True):
     metres: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
     sigma_pixels: Positive = 0.15
     jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 85
+
+    def views(self, arena: Arena) -> tuple[View, ...]:
+        """Which pixels show which places; without ``pixels`` a camera that looks straight down at the whole arena.
+
+        Args:
+            arena: the floor.
+        """
+        if self.pixels is not None and self.metres is not None:
+            pairs = zip(self.pixels, self.metres, strict=True)
+            return tuple(View(u, v, x, y) for (u, v), (x, y) in pairs)
+        return straight_down_view(*arena.bounds, self.width, self.height, margin=_VIEW_MARGIN)
 
 
 class CircleSettings(Section, frozen=True, kw_only=True):
@@ -186,7 +212,7 @@ class Simulation(Section, frozen=True, kw_only=True):
     Attributes:
         drive_error: each robot's wheels do up to this fraction more or less than they say.
         lag: time constant of the wheels [s].
-        slip: noise of the speed really driven, as a fraction of it.
+        slip: standard deviation of the distance really driven [m/sqrt(m)] and of the angle turned.
         image_noise: of the camera's grey values, standard deviation [0..255].
         image_blur: of the camera, standard deviation [px].
         camera_latency: from capture to sending [s].
@@ -194,7 +220,7 @@ class Simulation(Section, frozen=True, kw_only=True):
 
     drive_error: Annotated[float, Meta(ge=0, le=0.3)] = 0.2
     lag: Positive = 0.1
-    slip: Annotated[float, Meta(ge=0, le=0.5)] = 0.02
+    slip: Annotated[float, Meta(ge=0, le=0.5)] = 0.005
     image_noise: Annotated[float, Meta(ge=0, le=64)] = 3.0
     image_blur: Annotated[float, Meta(ge=0, le=5)] = 0.6
     camera_latency: NotNegative = 0.05

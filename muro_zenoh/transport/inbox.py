@@ -283,17 +283,20 @@ class Latest(Inbox[T]):
         super().__init__(kind, prefix, clock, waker, counters, where, depth)
         self._newest: dict[str, Received[T]] = {}
         self._unread: dict[str, Received[T]] = {}
+        self._unseen: set[str] = set()  # names whose newest nobody has looked at, by next() or get()
 
     def get(self, name: str = "") -> Received[T] | None:
         """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""
         self._sort()
-        if name or not self._newest:
-            return self._newest.get(name)
-        return self._newest.get("") or next(iter(self._newest.values()))
+        if not name and self._newest:
+            name = next(iter(self._newest))
+        self._unseen.discard(name)
+        return self._newest.get(name)
 
     def values(self) -> dict[str, Received[T]]:
         """The newest message of each name."""
         self._sort()
+        self._unseen.clear()
         return self._newest
 
     def forget(self, name: str) -> None:
@@ -311,14 +314,16 @@ class Latest(Inbox[T]):
         return False
 
     def _accept(self, item: Received[T]) -> bool:
-        if item.name in self._unread:
+        if item.name in self._unseen:
             self._counters.dropped += 1
-            del self._unread[item.name]
+        self._unseen.add(item.name)
+        self._unread.pop(item.name, None)  # so that the longest unread name comes first
         self._newest[item.name] = self._unread[item.name] = item
         return True
 
     def _take(self) -> Received[T] | None:
         for name in self._unread:
+            self._unseen.discard(name)
             return self._unread.pop(name)
         return None
 

@@ -1,0 +1,78 @@
+"""Circular path following: the estimate and a speed in, a twist out."""
+
+from __future__ import annotations
+
+from agents.robot import Robot
+from muro_zenoh import channels
+from muro_zenoh.config import Section
+from muro_zenoh.config.sections import NotNegative, Positive
+from muro_zenoh.control.circle import CircleLaw, circle_law
+from muro_zenoh.messages import SpeedReference
+from muro_zenoh.transport import Latest
+
+_WHEEL_LAG = 0.1
+"""The law is evaluated where the robot will be when its wheels obey [s]."""
+
+_STALE = channels.VELOCITY.stale_after or 0.0
+
+
+class CircleParameters(Section, frozen=True, kw_only=True):
+    """Parameters of the behaviour ``circle``.
+
+    Attributes:
+        law: ``vector_field``, ``passivity`` or ``lqr``.
+        speed: while nobody has said another on ``muro/velocity/<name>`` [m/s].
+        k_o: gain of the vector field on the radius error [1/m].
+        k_h: gain of the vector field on the heading error [1/s].
+        psi: gain of the passivity law.
+    """
+
+    law: str = "vector_field"
+    speed: NotNegative = 0.2
+    k_o: Positive | None = None
+    k_h: Positive | None = None
+    psi: Positive | None = None
+
+    def circle_law(self) -> CircleLaw:
+        """The law with the gains that were given."""
+        gains = {"k_o": self.k_o, "k_h": self.k_h, "psi": self.psi}
+        return circle_law(self.law, **{name: gain for name, gain in gains.items() if gain is not None})
+
+
+async def circle(robot: Robot) -> None:
+    """Follow the circle at the speed of ``muro/velocity/<name>``, or at a default one while nobody has said any."""
+    parameters = robot.parameters_as(CircleParameters)
+    await follow_circle(robot, parameters.circle_law(), parameters.speed)
+
+
+async def follow_circle(robot: Robot, law: CircleLaw, default_speed: float | None) -> None:
+    """Await the newest estimate, call the law, drive.
+
+    Args:
+        robot: the robot.
+        law: the circle law.
+        default_speed: while nobody has said a speed [m/s]; None: stand still until somebody does.
+    """
+    speeds = robot.speed_references()
+    try:
+        async for estimate in robot.estimates():
+            goal = robot.circle
+            if goal is None:
+                robot.hold("no circle heard yet")
+                continue
+            speed = _speed(speeds, robot, default_speed)
+            pose = robot.ahead(_WHEEL_LAG)
+            if speed is None or pose is None:
+                robot.hold("the velocity is silent")
+                continue
+            robot.drive(speed, law(pose.x, pose.y, pose.theta, max(estimate.v, 0.0), goal))
+    finally:
+        speeds.close()
+
+
+def _speed(speeds: Latest[SpeedReference], robot: Robot, default: float | None) -> float | None:
+    """The speed to go, or None when who said one has fallen silent."""
+    said = speeds.get()
+    if said is None:
+        return default
+    return said.message.speed if said.age(robot.now) <= _STALE else None

@@ -1,0 +1,71 @@
+"""Cyclic pursuit: all positions in, a speed out; path following does the rest."""
+
+from __future__ import annotations
+
+import asyncio
+
+from agents.robot import Robot
+from agents.tasks.path_following import CircleParameters, follow_circle
+from muro_zenoh import channels
+from muro_zenoh.config.sections import NotNegative, Positive
+from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, pursue
+from muro_zenoh.messages import Estimate
+
+_STALE = channels.ALL_POSITIONS.stale_after or 0.0
+
+
+class PursuitParameters(CircleParameters, frozen=True, kw_only=True):
+    """Parameters of the behaviour ``pursuit``, besides those of ``circle``.
+
+    Attributes:
+        pursuit: ``two_gap``, ``normalised`` or ``proportional``.
+        cruise: speed of an evenly spread ring [m/s].
+        gain: of the pursuit law; its own default when it is not given.
+        v_min: least speed on the ring [m/s].
+        v_max: greatest speed on the ring [m/s].
+    """
+
+    pursuit: str = "two_gap"
+    cruise: NotNegative = 0.2
+    gain: Positive | None = None
+    v_min: NotNegative = 0.05
+    v_max: Positive = 0.4
+
+    def pursuit_law(self) -> PursuitLaw:
+        """The law with its gain and limits."""
+        return PursuitLaw(self.pursuit, self.cruise, self.gain, self.v_min, self.v_max)
+
+
+async def pursuit(robot: Robot) -> None:
+    """Spread evenly round the circle: a speed for path following, from everybody's places."""
+    parameters = robot.parameters_as(PursuitParameters)
+    law = parameters.pursuit_law()
+    async with asyncio.TaskGroup() as tasks:
+        # First, so that each estimate has its speed when path following takes it.
+        tasks.create_task(_pursue(robot, law), name="pursuit")
+        tasks.create_task(follow_circle(robot, parameters.circle_law(), None), name="path following")
+
+
+async def _pursue(robot: Robot, law: PursuitLaw) -> None:
+    order: tuple[str, ...] = ()
+    async for estimate in robot.estimates():
+        circle = robot.circle
+        # Without fresh positions no speed is said, and path following stands still.
+        if circle is None or robot.snapshot_age > _STALE:
+            continue
+        step = pursue(robot.name, _ring(robot, estimate), circle, order, law)
+        order = step.order
+        robot.velocity(step.speed)
+
+
+def _ring(robot: Robot, estimate: Estimate) -> dict[str, RingRobot]:
+    """Who counts: oneself as one knows oneself, and the others that are seen now and not told to stop."""
+    stopped = robot.stopped
+    ring = {
+        other.name: RingRobot(other.x, other.y, other.theta, other.v, other.age)
+        for other in robot.neighbours
+        if other.state in ("tracking", "disagrees") and other.name not in stopped
+    }
+    age = robot.now - estimate.stamp
+    ring[robot.name] = RingRobot(estimate.x, estimate.y, estimate.theta, estimate.v, age)
+    return ring

@@ -1,0 +1,228 @@
+"""The kept state of the lab: circle, behaviours and stop, persisted in a file.
+
+Every change goes through here, raises the revision, and is on the disk before it is answered.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta, Struct
+
+from muro_zenoh.config import Arena, Scenario
+from muro_zenoh.errors import ConfigError
+from muro_zenoh.geometry import Circle
+from muro_zenoh.messages import Behaviour, Health, Name, Reply, Resume, SetBehaviour, SetCircle, Stop, StopOrder, Value
+from muro_zenoh.messages import Circle as CircleMessage
+
+log = logging.getLogger(__name__)
+
+
+class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
+    """A robot's behaviour and its parameters."""
+
+    behaviour: str
+    parameters: dict[str, Value] = {}
+
+
+class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All that outlives the base station.
+
+    Attributes:
+        revision: rises with every change; the messages carry it.
+        x: of the circle's centre [m, world].
+        y: of the circle's centre [m, world].
+        radius: of the circle [m].
+        clockwise: the direction of travel.
+        behaviour: of each robot.
+        stop_all: everybody is stopped.
+        stop_names: ... or these are.
+    """
+
+    revision: Annotated[int, Meta(ge=0)] = 1
+    x: float
+    y: float
+    radius: Annotated[float, Meta(gt=0)]
+    clockwise: bool
+    behaviour: dict[Name, KeptBehaviour]
+    stop_all: bool = False
+    stop_names: tuple[Name, ...] = ()
+
+
+class Kept:
+    """The kept state and its file.
+
+    Args:
+        scenario: what holds when there is no file yet, and the limits of every order.
+        path: the file; None keeps nothing beyond this process.
+
+    Raises:
+        ConfigError: the file is there and is not such a state. (Starting from scratch instead could lift a stop.)
+
+    Attributes:
+        state: the state.
+    """
+
+    def __init__(self, scenario: Scenario, path: Path | None) -> None:
+        self._scenario = scenario
+        self._path = path
+        self.state = _load(path) if path is not None and path.exists() else _initial(scenario)
+        missing = {name: _behaviour(scenario) for name in scenario.robot if name not in self.state.behaviour}
+        if missing:
+            self._change(behaviour={**self.state.behaviour, **missing})
+
+    # ---- what goes out
+
+    @property
+    def circle(self) -> CircleMessage:
+        """The circle, to be published."""
+        s = self.state
+        return CircleMessage(x=s.x, y=s.y, radius=s.radius, clockwise=s.clockwise, revision=s.revision)
+
+    @property
+    def stop(self) -> StopOrder:
+        """The stop order, to be published."""
+        return StopOrder(all=self.state.stop_all, names=self.state.stop_names, revision=self.state.revision)
+
+    def behaviour(self, name: str) -> Behaviour:
+        """A robot's behaviour, to be published."""
+        kept = self.state.behaviour[name]
+        return Behaviour(behaviour=kept.behaviour, parameters=kept.parameters, revision=self.state.revision)
+
+    # ---- orders
+
+    def set_circle(self, order: SetCircle) -> Reply:
+        """Change the circle; refused when robots on it would leave the arena."""
+        s = self.state
+        new = Circle(
+            s.x if order.x is None else order.x,
+            s.y if order.y is None else order.y,
+            s.radius if order.radius is None else order.radius,
+            s.clockwise if order.clockwise is None else order.clockwise,
+        )
+        body = max(robot.radius for robot in self._scenario.robot.values())
+        room = _room(self._scenario.arena, new) - body
+        if new.radius > room:
+            return self._refuse(
+                f"circle: got {new.radius:g} m round ({new.x:g}, {new.y:g}), expected at most {max(room, 0.0):g} m "
+                f"there, so that robots of {body:g} m radius stay inside the arena"
+            )
+        self._change(x=new.x, y=new.y, radius=new.radius, clockwise=new.clockwise)
+        return self._accept()
+
+    def set_behaviour(self, order: SetBehaviour) -> Reply:
+        """Change the behaviour of some robots, or of all."""
+        unknown = self._unknown(order.names)
+        if unknown:
+            return self._refuse(unknown)
+        kept = KeptBehaviour(order.behaviour, order.parameters)
+        names = order.names or self._scenario.robots
+        self._change(behaviour={**self.state.behaviour, **dict.fromkeys(names, kept)})
+        return self._accept()
+
+    def set_stop(self, order: Stop) -> Reply:
+        """Stop some robots, or everybody. Never refused for a robot that is not in the fleet file."""
+        names = tuple(sorted({*self.state.stop_names, *order.names}))
+        self._change(stop_all=self.state.stop_all or not order.names, stop_names=names)
+        return self._accept()
+
+    def resume(self, order: Resume) -> Reply:
+        """Lift the stop of some robots, or everybody's; refused when it has changed since the operator looked."""
+        if order.revision < self.state.revision and (self.state.stop_all or self.state.stop_names):
+            return self._refuse(
+                f"resume: got revision {order.revision}, expected {self.state.revision}: "
+                "an order came in between; look again, then resume"
+            )
+        unknown = self._unknown(order.names)
+        if unknown:
+            return self._refuse(unknown)
+        if order.names and self.state.stop_all:
+            rest = tuple(name for name in self._scenario.robots if name not in order.names)
+            self._change(order.revision, stop_all=False, stop_names=rest)
+        elif order.names:
+            rest = tuple(name for name in self.state.stop_names if name not in order.names)
+            self._change(order.revision, stop_names=rest)
+        else:
+            self._change(order.revision, stop_all=False, stop_names=())
+        return self._accept()
+
+    def adopt(self, name: str, health: Health) -> bool:
+        """Take over a stop that a robot heard straight from an operator, and any newer revision; whether there was one.
+
+        Args:
+            name: of the robot.
+            health: what its agent says.
+        """
+        if health.stop_latched and health.stop_revision >= self.state.revision:
+            already = self.state.stop_all or (not health.stop_all and name in self.state.stop_names)
+            if already and health.stop_revision == self.state.revision:
+                return False
+            names = self.state.stop_names if health.stop_all else tuple(sorted({*self.state.stop_names, name}))
+            self._change(health.stop_revision, stop_all=self.state.stop_all or health.stop_all, stop_names=names)
+            return True
+        if health.stop_revision > self.state.revision:
+            self._change(health.stop_revision)
+            return True
+        return False
+
+    # ---- inside
+
+    def _change(self, at_least: int = 0, /, **fields: object) -> None:
+        revision = max(self.state.revision, at_least) + 1
+        self.state = msgspec.structs.replace(self.state, revision=revision, **fields)
+        if self._path is not None:
+            _save(self._path, self.state)
+
+    def _unknown(self, names: Sequence[str]) -> str:
+        known = self._scenario.robots
+        strangers = [name for name in names if name not in known]
+        return f"robot {', '.join(strangers)}: expected names out of {', '.join(known)}" if strangers else ""
+
+    def _accept(self) -> Reply:
+        return Reply(accepted=True, revision=self.state.revision)
+
+    def _refuse(self, reason: str) -> Reply:
+        return Reply(accepted=False, reason=reason, revision=self.state.revision)
+
+
+def _behaviour(scenario: Scenario) -> KeptBehaviour:
+    return KeptBehaviour(scenario.behaviour.name, scenario.behaviour.parameters)
+
+
+def _initial(scenario: Scenario) -> KeptState:
+    c = scenario.circle
+    behaviours = {name: _behaviour(scenario) for name in scenario.robot}
+    return KeptState(x=c.x, y=c.y, radius=c.radius, clockwise=c.clockwise, behaviour=behaviours)
+
+
+def _room(arena: Arena, circle: Circle) -> float:
+    return min(circle.x - arena.x_min, arena.x_max - circle.x, circle.y - arena.y_min, arena.y_max - circle.y)
+
+
+def _load(path: Path) -> KeptState:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=KeptState)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise ConfigError(
+            str(path),
+            got=f"a file that is no kept state: {error}",
+            expected="the state that a base station wrote",
+            hint="Move it away to start from the scenario; a stop order in it is then forgotten.",
+        ) from error
+
+
+def _save(path: Path, state: KeptState) -> None:
+    """Replace the file at once: after a crash it holds the old state or the new one, never a half."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scratch = path.with_suffix(path.suffix + ".new")
+    with scratch.open("w") as file:
+        json.dump(msgspec.to_builtins(state), file, indent=1)
+        file.flush()
+        os.fsync(file.fileno())
+    scratch.replace(path)

@@ -1,0 +1,109 @@
+"""The table of all positions, keyed by what the cameras see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from muro_zenoh.geometry import Pose2, wrap_to_pi
+from muro_zenoh.messages import RobotState, RobotStatus
+
+STALE_AFTER = 0.4
+"""A robot not seen for so long is ``stale`` [s] ..."""
+
+LOST_AFTER = 2.0
+"""... and for so long ``lost`` [s]. It stays where it was until it is seen again, or cleared by the operator."""
+
+_DISTANCE = 0.25
+_ANGLE = 0.6
+_MOTION_AGE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What a robot's agent believes: where it is, how fast it goes, and when that came [s]."""
+
+    pose: Pose2
+    v: float
+    omega: float
+    arrival: float
+
+
+@dataclass(slots=True)
+class _Row:
+    pose: Pose2
+    captured: float
+    motion: Motion | None = None
+
+
+class FleetTable:
+    """Where every robot was last seen. Times are of one local clock [s].
+
+    Place and age come from the newest fix; the agent's estimate adds v and omega, and only while it agrees with it.
+    """
+
+    def __init__(self) -> None:
+        self._rows: dict[str, _Row] = {}
+        self._motions: dict[str, Motion] = {}
+
+    def fix(self, name: str, pose: Pose2, captured: float) -> None:
+        """A camera saw a robot.
+
+        Args:
+            name: of the robot.
+            pose: where [world].
+            captured: when the picture was taken [s]; an older one than known changes nothing.
+        """
+        row = self._rows.get(name)
+        if row is None or captured >= row.captured:
+            self._rows[name] = _Row(pose, captured)
+
+    def estimate(self, name: str, motion: Motion) -> None:
+        """What a robot's agent believes.
+
+        Args:
+            name: of the robot.
+            motion: where it is and how fast it goes.
+        """
+        self._motions[name] = motion
+
+    def clear(self, name: str) -> bool:
+        """Forget where a robot was last seen; whether it was known.
+
+        Args:
+            name: of the robot.
+        """
+        self._motions.pop(name, None)
+        return self._rows.pop(name, None) is not None
+
+    def snapshot(self, now: float) -> tuple[RobotState, ...]:
+        """All robots that were ever seen, by name.
+
+        Args:
+            now: the time to which ages are counted [s].
+        """
+        return tuple(self._state(name, row, now) for name, row in sorted(self._rows.items()))
+
+    def _state(self, name: str, row: _Row, now: float) -> RobotState:
+        age = max(0.0, now - row.captured)
+        motion = self._motions.get(name)
+        v = omega = 0.0
+        state: RobotStatus = "tracking"
+        if motion is not None and now - motion.arrival <= _MOTION_AGE:
+            if _agree(row, motion):
+                v, omega = motion.v, motion.omega
+            else:
+                state = "disagrees"
+        if age > STALE_AFTER:
+            state = "lost" if age > LOST_AFTER else "stale"
+            v = omega = 0.0
+        return RobotState(name, row.pose.x, row.pose.y, row.pose.theta, v, omega, age, state)
+
+
+def _agree(row: _Row, motion: Motion) -> bool:
+    """Whether the estimate, taken back to the fix's time, is where the fix is."""
+    since = motion.arrival - row.captured
+    way = abs(motion.v * since)
+    apart = math.hypot(motion.pose.x - row.pose.x, motion.pose.y - row.pose.y)
+    turned = abs(wrap_to_pi(motion.pose.theta - row.pose.theta))
+    return apart <= _DISTANCE + way and turned <= _ANGLE + abs(motion.omega * since)

@@ -1,0 +1,27 @@
+"""From a desired twist to a command that the robot can and may follow."""
+
+from __future__ import annotations
+
+import math
+
+from muro_zenoh.geometry import STILL, Twist2
+
+
+def calibrate_and_limit(desired: Twist2, *, cal_v: float, cal_omega: float, v_max: float, omega_max: float) -> Twist2:
+    """The command that makes a robot with drive errors do what is desired, within its limits.
+
+    Calibration comes once, here, and before the limits; a twist that is not finite is no twist, and the robot stands.
+
+    Args:
+        desired: speeds wanted of the body [m/s, rad/s].
+        cal_v: calD, the inverse of the drive scale of v.
+        cal_omega: cal0, the inverse of the drive scale of omega.
+        v_max: largest |v| commanded [m/s].
+        omega_max: largest |omega| commanded [rad/s].
+
+    Source: seed 000, sections 4.3 and 8.1 (``u2 = u2*OmegaC; u1 = u1*OmegaD``, then the limits).
+    """
+    v, omega = desired.v * cal_v, desired.omega * cal_omega
+    if not math.isfinite(v) or not math.isfinite(omega):
+        return STILL
+    return Twist2(min(max(v, -v_max), v_max), min(max(omega, -omega_max), omega_max))
