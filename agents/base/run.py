@@ -1,0 +1,51 @@
+"""The base of one robot as a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+
+import numpy as np
+
+from agents.base.base import run_base
+from agents.base.simulated import SimulatedWheels
+from muro_zenoh.config import Scenario
+from muro_zenoh.errors import ConfigError
+from muro_zenoh.estimation.wheel_model import WheelLimits
+from muro_zenoh.runtime.process import ready
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.transport import open_bus
+
+_STEP = 0.01
+
+
+async def run_base_process(scenario: Scenario, name: str) -> None:
+    """The base process: the wheels that the fleet file names for this robot, and their dead-man.
+
+    The only wheels of this version are simulated: a nominal robot on a floor of its own, which no camera sees. They
+    serve to try a link and the dead-man; a whole room of them is what ``muro sim`` runs.
+
+    Args:
+        scenario: the settings.
+        name: the robot's name.
+
+    Raises:
+        NotConnected: no router answered.
+        ConfigError: the settings have no such robot.
+    """
+    if name not in scenario.robot:
+        raise ConfigError(f"base {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
+    robot = scenario.robot[name]
+    limits = WheelLimits(lag=scenario.simulation.lag, a_max=robot.a_max, alpha_max=robot.alpha_max, brake=robot.brake)
+    plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=limits, drive_error=0.0, slip=0.0)
+    commands = np.zeros((1, 2))
+    async with open_bus(scenario.bus) as bus, asyncio.TaskGroup() as tasks:
+        bus.announce("base", name)
+        tasks.create_task(run_base(bus, name, SimulatedWheels(plant, commands, 0), bus.clock), name="base")
+        tasks.create_task(_move(plant, commands), name="plant")
+        ready("base", name)
+
+
+async def _move(plant: Plant, commands: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+    while True:
+        await asyncio.sleep(_STEP)
+        plant.step(commands, _STEP)
