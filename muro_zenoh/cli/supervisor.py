@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, Any
 
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.runtime.process import LIFELINE, WRONG_USE
@@ -121,7 +121,8 @@ class Supervisor:
         self._groups.append(group)
         all_ready = asyncio.gather(*(child.ready.wait() for child, _ in group))
         try:
-            await asyncio.wait({all_ready, self._failed}, return_when=asyncio.FIRST_COMPLETED)
+            waits: set[asyncio.Future[Any]] = {all_ready, self._failed}
+            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
             if not all_ready.done():
                 raise self._failed.result()
         except BaseException:
@@ -292,17 +293,26 @@ async def _end_of(pid: int) -> None:
     try:
         fd = os.pidfd_open(pid)
     except (AttributeError, OSError):  # not Linux, or a kernel before 5.3
-        while os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
-            await asyncio.sleep(0.05)  # noqa: ASYNC110 - nothing here could set an event
+        while not _ended(pid):  # noqa: ASYNC110 - nothing here could set an event
+            await asyncio.sleep(0.05)
         return
     loop = asyncio.get_running_loop()
     gone: asyncio.Future[None] = loop.create_future()
-    loop.add_reader(fd, lambda: gone.done() or gone.set_result(None))
+    loop.add_reader(fd, _settle, gone)
     try:
         await gone
     finally:
         loop.remove_reader(fd)
         os.close(fd)
+
+
+def _settle(gone: asyncio.Future[None]) -> None:
+    if not gone.done():
+        gone.set_result(None)
+
+
+def _ended(pid: int) -> bool:
+    return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
 def _signal(child: Child, number: int) -> None:

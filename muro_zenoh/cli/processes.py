@@ -1,0 +1,120 @@
+"""``muro agent``, ``base``, ``basestation``, ``sim``, ``router``: one process each, as ``muro run`` starts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from muro_zenoh.cli.options import bus_options, example
+
+if TYPE_CHECKING:
+    from muro_zenoh.config import BusSettings, Scenario
+
+BusFlags = Callable[..., "BusSettings"]
+
+
+def _scenario(file: str, bus: BusFlags) -> Scenario:
+    """The scenario or fleet that is meant, with Zenoh's flags laid over its bus."""
+    import msgspec
+
+    from muro_zenoh.cli.launch import check_own_packages, find_scenario
+
+    check_own_packages()
+    scenario = find_scenario(file, None, {})
+    return msgspec.structs.replace(scenario, bus=bus(scenario.bus))
+
+
+def _stay(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> None:
+    from muro_zenoh.runtime.process import run_process
+
+    raise SystemExit(run_process(main, name))
+
+
+@click.command(epilog=example("muro agent lab.toml r1 --connect tcp/192.168.1.10:7447"))
+@click.argument("file")
+@click.argument("name")
+@bus_options
+def agent(file: str, name: str, bus: BusFlags) -> None:
+    """Run the agent of robot NAME of a fleet or scenario FILE."""
+    scenario = _scenario(file, bus)
+    from agents.agent import run_agent
+
+    _stay(lambda: run_agent(scenario, name), name)
+
+
+@click.command(epilog=example("muro base lab.toml r1"))
+@click.argument("file")
+@click.argument("name")
+@bus_options
+def base(file: str, name: str, bus: BusFlags) -> None:
+    """Run the wheels of robot NAME, with their dead-man, as a process of its own."""
+    scenario = _scenario(file, bus)
+    from agents.base.run import run_base_process
+
+    _stay(lambda: run_base_process(scenario, name), f"{name}_base")
+
+
+@click.command(epilog=example("muro basestation lab.toml --state lab-state.json"))
+@click.argument("file")
+@click.option(
+    "--state",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("basestation.json"),
+    show_default=True,
+    metavar="FILE",
+    help="Where circle, behaviours and stop are kept.",
+)
+@bus_options
+def basestation(file: str, state: Path, bus: BusFlags) -> None:
+    """Run the base station of a fleet or scenario FILE: cameras to poses, and the kept state."""
+    scenario = _scenario(file, bus)
+    from basestation.station import run_basestation
+
+    _stay(lambda: run_basestation(scenario, state), "basestation")
+
+
+@click.command(epilog=example("muro sim pursuit --seed 3"))
+@click.argument("file")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Starts, drive errors, noise.")
+@bus_options
+def sim(file: str, seed: int, bus: BusFlags) -> None:
+    """Run the simulator of a fleet or scenario FILE: all its wheels, and its cameras."""
+    scenario = _scenario(file, bus)
+    from agents.simulator import run_simulator
+
+    _stay(lambda: run_simulator(scenario, seed), "simulator")
+
+
+@click.command(
+    epilog=example(
+        "muro router",
+        "muro router --listen tcp/0.0.0.0:7447",
+        "muro router --config deploy/router.json5",
+    )
+)
+@click.argument("file", required=False)
+@bus_options
+def router(file: str | None, bus: BusFlags) -> None:
+    """Run a Zenoh router, where all others connect.
+
+    It listens where --listen says, else where the --config file says, else where the processes of the fleet or
+    scenario FILE connect, else on tcp/127.0.0.1:7447.
+    """
+    import msgspec
+
+    from muro_zenoh.config import BusSettings
+    from muro_zenoh.transport.router import router_settings, run_router
+
+    if file is not None:
+        from muro_zenoh.cli.launch import find_scenario
+
+        ground = router_settings(find_scenario(file, None, {}).bus)
+    else:
+        ground = router_settings(BusSettings())
+    settings = bus(ground)
+    if settings.config and file is None and settings.listen == ground.listen:
+        settings = msgspec.structs.replace(settings, listen=())
+    _stay(lambda: run_router(settings), "router")
