@@ -94,25 +94,23 @@ class TestRendered:
         scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
         mounts = [TagMount(i, 0.16, x=-0.03, y=0.02, yaw=0.3 * i) for i in range(10)]
         detector = TagDetector()
-        centres, found = [], 0
+        centres, found, missed = [], 0, 0
         for _ in range(25):
             poses = scattered(rng, 10)
             picture = scene.render(poses, mounts, [0.177] * 10, rng)
             picture = cv2.imdecode(np.frombuffer(encode_jpeg(picture, 85), np.uint8), cv2.IMREAD_GRAYSCALE)
             truth = {mount.id: scene.tag_corners(pose, mount) for pose, mount in zip(poses, mounts, strict=True)}
-            whole = {
-                i
-                for i, c in truth.items()
-                if c.min() > 6.0 and c[:, 0].max() < WIDTH - 7 and c[:, 1].max() < HEIGHT - 7
-            }
+            limits = (WIDTH - 1.5, HEIGHT - 1.5)
+            whole = {i for i, corners in truth.items() if (corners > 0.5).all() and (corners < limits).all()}
             markers = {marker.id: marker for marker in detector.detect(picture)}
-            assert whole <= markers.keys()
+            missed += len(whole - markers.keys())
             found += len(markers)
             for i, marker in markers.items():
                 assert np.linalg.norm(marker.corners - truth[i], axis=1).max() < 1.5
                 if i in whole:
                     centres.append(np.subtract(marker.centre, truth[i].mean(axis=0)))
         assert found > 230
+        assert missed <= 1  # OpenCV 5.0: 0 of 2355 in eight such runs; 4.14: 1
         assert np.abs(np.mean(centres, axis=0)).max() < 0.02  # measured 0.002 px
         assert np.quantile(np.hypot(*np.transpose(centres)), 0.95) < 0.15  # measured 0.08 px
 
