@@ -23,6 +23,25 @@ class Bounds(NamedTuple):
     def __str__(self) -> str:
         return f"x {self.x_min:g} to {self.x_max:g}, y {self.y_min:g} to {self.y_max:g} m"
 
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """The four corners, counter-clockwise from the lower left [m, world]."""
+        return (
+            (self.x_min, self.y_min),
+            (self.x_max, self.y_min),
+            (self.x_max, self.y_max),
+            (self.x_min, self.y_max),
+        )
+
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """The place inside nearest to a place [m, world].
+
+        Args:
+            x: place [m, world].
+            y: place [m, world].
+        """
+        return min(max(x, self.x_min), self.x_max), min(max(y, self.y_min), self.y_max)
+
     def shrunk(self, margin: float) -> Bounds:
         """The places that keep ``margin`` [m] from the walls.
 
