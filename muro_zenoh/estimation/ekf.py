@@ -173,7 +173,7 @@ def drive(stretch: Stretch, mean: Mean, v: Any, omega: Any, dt: Any, settings: F
     # sinc as its series: no branch at zero, and within 3e-8 up to h = 0.5
     d = nominal * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
     mid = stretch.theta + h
-    cos, sin = xp.cos(mid), xp.sin(mid)
+    sin, cos = xp.sincos(mid)
     dx, dy = d * cos, d * sin
     turn_mid = stretch.turn + half_wheel
     bend = nominal * half_wheel * h * (hh / 30.0 - 1.0 / 3.0)
@@ -211,7 +211,8 @@ def carry(x: Any, y: Any, theta: Any, v: Any, omega: Any, dt: Any) -> tuple[Any,
     hh = h * h
     d = dt * v * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
     mid = theta + h
-    return x + d * xp.cos(mid), y + d * xp.sin(mid), mid + h
+    sin, cos = xp.sincos(mid)
+    return x + d * cos, y + d * sin, mid + h
 
 
 def predict(mean: Mean, P: Covariance, stretch: Stretch, settings: FilterSettings) -> tuple[Mean, Covariance]:
@@ -282,8 +283,14 @@ def correct(
 ) -> tuple[Mean, Covariance, Any]:
     """Mean and covariance after one fix, and the fix's squared Mahalanobis distance. The gate is the caller's.
 
-    S = P_pose + R, K = P[:, pose] S^-1, P' = (I - K H) P (I - K H)^T + K R K^T (Joseph's form, right for any gain: a
-    frozen scale has the gain zero and keeps its covariances honest). The heading's innovation is wrapped.
+    With B = P[:, pose] and S = B[pose] + R the gain is K = B S^-1, its rows zero for a scale that is frozen or a fix
+    beyond ``scale_gate``, and P' is Joseph's form, right for any gain, multiplied out:
+
+        P' = (I - K H) P (I - K H)^T + K R K^T = P - K B^T - B K^T + K S K^T
+
+    A row at its optimum has K S = B, so its terms are - B S^-1 B^T; so are those of the covariances of a frozen scale
+    with the pose, while its own variance stays as it is. S = L D L^T gives all of it by substitution:
+    U = B L^-T, B S^-1 B^T = U D^-1 U^T. The heading's innovation is wrapped.
 
     Args:
         mean: the mean at the capture time.
@@ -297,98 +304,64 @@ def correct(
         ``(mean, covariance, nis)``, as if the fix passed the gate.
     """
     xp = elementwise.of(mean.x)
-    ex, ey, et = fix.x - mean.x, fix.y - mean.y, xp.wrap(fix.theta - mean.theta)
-    sxx, sxy, sxt = P.xx + fix.xx, P.xy + fix.xy, P.xt + fix.xt
-    syy, syt, stt = P.yy + fix.yy, P.yt + fix.yt, P.tt + fix.tt
-    # the inverse of S, by its adjugate
-    axx, axy, axt = syy * stt - syt * syt, sxt * syt - sxy * stt, sxy * syt - sxt * syy
-    scale = 1.0 / (sxx * axx + sxy * axy + sxt * axt)
-    ixx, ixy, ixt = axx * scale, axy * scale, axt * scale
-    iyy, iyt = (sxx * stt - sxt * sxt) * scale, (sxy * sxt - sxx * syt) * scale
-    itt = (sxx * syy - sxy * sxy) * scale
-    wx, wy, wt = ixx * ex + ixy * ey + ixt * et, ixy * ex + iyy * ey + iyt * et, ixt * ex + iyt * ey + itt * et
-    nis = ex * wx + ey * wy + et * wt
+    # S = L D L^T, of (x, y, theta)
+    dx = 1.0 / (P.xx + fix.xx)
+    syx, stx, syt = P.xy + fix.xy, P.xt + fix.xt, P.yt + fix.yt
+    lyx, ltx = syx * dx, stx * dx
+    dy = 1.0 / (P.yy + fix.yy - lyx * syx)
+    uty = syt - ltx * syx
+    lty = uty * dy
+    dt = 1.0 / (P.tt + fix.tt - ltx * stx - lty * uty)
+    # the innovation in those coordinates
+    ex = fix.x - mean.x
+    ey = fix.y - mean.y - lyx * ex
+    et = xp.wrap(fix.theta - mean.theta) - ltx * ex - lty * ey
+    nis = ex * ex * dx + ey * ey * dy + et * et * dt
 
-    free = nis <= settings.scale_gate
-    free_v, free_w = 1.0 * (free & moved_v), 1.0 * (free & moved_w)
-    gain_x = (
-        P.xx * ixx + P.xy * ixy + P.xt * ixt,
-        P.xx * ixy + P.xy * iyy + P.xt * iyt,
-        P.xx * ixt + P.xy * iyt + P.xt * itt,
-    )
-    gain_y = (
-        P.xy * ixx + P.yy * ixy + P.yt * ixt,
-        P.xy * ixy + P.yy * iyy + P.yt * iyt,
-        P.xy * ixt + P.yy * iyt + P.yt * itt,
-    )
-    gain_t = (
-        P.xt * ixx + P.yt * ixy + P.tt * ixt,
-        P.xt * ixy + P.yt * iyy + P.tt * iyt,
-        P.xt * ixt + P.yt * iyt + P.tt * itt,
-    )
-    gain_v = (
-        free_v * (P.xv * ixx + P.yv * ixy + P.tv * ixt),
-        free_v * (P.xv * ixy + P.yv * iyy + P.tv * iyt),
-        free_v * (P.xv * ixt + P.yv * iyt + P.tv * itt),
-    )
-    gain_w = (
-        free_w * (P.xw * ixx + P.yw * ixy + P.tw * ixt),
-        free_w * (P.xw * ixy + P.yw * iyy + P.tw * iyt),
-        free_w * (P.xw * ixt + P.yw * iyt + P.tw * itt),
-    )
-    corrected = Mean(
-        mean.x + P.xx * wx + P.xy * wy + P.xt * wt,
-        mean.y + P.xy * wx + P.yy * wy + P.yt * wt,
-        xp.wrap(mean.theta + P.xt * wx + P.yt * wy + P.tt * wt),
-        xp.clip(mean.s_v + free_v * (P.xv * wx + P.yv * wy + P.tv * wt), settings.scale_min, settings.scale_max),
-        xp.clip(mean.s_omega + free_w * (P.xw * wx + P.yw * wy + P.tw * wt), settings.scale_min, settings.scale_max),
-    )
-    return corrected, _joseph(P, fix, (gain_x, gain_y, gain_t, gain_v, gain_w)), nis
+    # U = B L^-T row by row; the first column is B's
+    xy, yy, ty, vy, wy = P.xy - lyx * P.xx, P.yy - lyx * P.xy, P.yt - lyx * P.xt, P.yv - lyx * P.xv, P.yw - lyx * P.xw
+    xt = P.xt - ltx * P.xx - lty * xy
+    yt = P.yt - ltx * P.xy - lty * yy
+    tt = P.tt - ltx * P.xt - lty * ty
+    vt = P.tv - ltx * P.xv - lty * vy
+    wt = P.tw - ltx * P.xw - lty * wy
+    # U D^-1
+    x1, x2, x3 = P.xx * dx, xy * dy, xt * dt
+    y1, y2, y3 = P.xy * dx, yy * dy, yt * dt
+    t1, t2, t3 = P.xt * dx, ty * dy, tt * dt
+    v1, v2, v3 = P.xv * dx, vy * dy, vt * dt
+    w1, w2, w3 = P.xw * dx, wy * dy, wt * dt
 
-
-_Row = tuple[Any, Any, Any]
-
-
-def _joseph(P: Covariance, R: Fix, gain: tuple[_Row, _Row, _Row, _Row, _Row]) -> Covariance:
-    """(I - K H) P (I - K H)^T + K R K^T, written as A + (K R - A H^T) K^T with A = (I - K H) P."""
-    (px, py, pt, pv, pw) = gain
-    rows = ((P.xx, P.xy, P.xt), (P.xy, P.yy, P.yt), (P.xt, P.yt, P.tt), (P.xv, P.yv, P.tv), (P.xw, P.yw, P.tw))
-    nx = _rest(px, rows[0], P, R)
-    ny = _rest(py, rows[1], P, R)
-    nt = _rest(pt, rows[2], P, R)
-    nv = _rest(pv, rows[3], P, R)
-    nw = _rest(pw, rows[4], P, R)
-    return Covariance(
-        P.xx - _dot(px, rows[0]) + _dot(nx, px),
-        P.xy - _dot(px, rows[1]) + _dot(nx, py),
-        P.xt - _dot(px, rows[2]) + _dot(nx, pt),
-        P.xv - _dot(px, rows[3]) + _dot(nx, pv),
-        P.xw - _dot(px, rows[4]) + _dot(nx, pw),
-        P.yy - _dot(py, rows[1]) + _dot(ny, py),
-        P.yt - _dot(py, rows[2]) + _dot(ny, pt),
-        P.yv - _dot(py, rows[3]) + _dot(ny, pv),
-        P.yw - _dot(py, rows[4]) + _dot(ny, pw),
-        P.tt - _dot(pt, rows[2]) + _dot(nt, pt),
-        P.tv - _dot(pt, rows[3]) + _dot(nt, pv),
-        P.tw - _dot(pt, rows[4]) + _dot(nt, pw),
-        P.vv - _dot(pv, rows[3]) + _dot(nv, pv),
-        P.vw - _dot(pv, rows[4]) + _dot(nv, pw),
-        P.ww - _dot(pw, rows[4]) + _dot(nw, pw),
-    )
-
-
-def _rest(k: _Row, row: _Row, P: Covariance, R: Fix) -> _Row:
-    """One row of K R - (I - K H) P H^T = K S - P H^T; zero, up to rounding, at the optimal gain."""
-    a, b, c = k
+    passed = nis <= settings.scale_gate
+    free_v, free_w = 1.0 * (passed & moved_v), 1.0 * (passed & moved_w)
+    low, high = settings.scale_min, settings.scale_max
     return (
-        a * (P.xx + R.xx) + b * (P.xy + R.xy) + c * (P.xt + R.xt) - row[0],
-        a * (P.xy + R.xy) + b * (P.yy + R.yy) + c * (P.yt + R.yt) - row[1],
-        a * (P.xt + R.xt) + b * (P.yt + R.yt) + c * (P.tt + R.tt) - row[2],
+        Mean(
+            mean.x + x1 * ex + x2 * ey + x3 * et,
+            mean.y + y1 * ex + y2 * ey + y3 * et,
+            xp.wrap(mean.theta + t1 * ex + t2 * ey + t3 * et),
+            xp.clip(mean.s_v + free_v * (v1 * ex + v2 * ey + v3 * et), low, high),
+            xp.clip(mean.s_omega + free_w * (w1 * ex + w2 * ey + w3 * et), low, high),
+        ),
+        Covariance(
+            P.xx - x1 * P.xx - x2 * xy - x3 * xt,
+            P.xy - x1 * P.xy - x2 * yy - x3 * yt,
+            P.xt - x1 * P.xt - x2 * ty - x3 * tt,
+            P.xv - x1 * P.xv - x2 * vy - x3 * vt,
+            P.xw - x1 * P.xw - x2 * wy - x3 * wt,
+            P.yy - y1 * P.xy - y2 * yy - y3 * yt,
+            P.yt - y1 * P.xt - y2 * ty - y3 * tt,
+            P.yv - y1 * P.xv - y2 * vy - y3 * vt,
+            P.yw - y1 * P.xw - y2 * wy - y3 * wt,
+            P.tt - t1 * P.xt - t2 * ty - t3 * tt,
+            P.tv - t1 * P.xv - t2 * vy - t3 * vt,
+            P.tw - t1 * P.xw - t2 * wy - t3 * wt,
+            P.vv - free_v * (v1 * P.xv + v2 * vy + v3 * vt),
+            P.vw - (free_v + free_w - free_v * free_w) * (v1 * P.xw + v2 * wy + v3 * wt),
+            P.ww - free_w * (w1 * P.xw + w2 * wy + w3 * wt),
+        ),
+        nis,
     )
-
-
-def _dot(a: _Row, b: _Row) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def start(fix: Fix, settings: FilterSettings, s_v: Any = None, s_omega: Any = None) -> tuple[Mean, Covariance]:

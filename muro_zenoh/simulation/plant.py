@@ -163,8 +163,9 @@ def _advance(state: Array, way: Array, turn: Array) -> None:
     hh = half * half
     chord = way * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
     mid = state[2] + half
-    state[0] += chord * np.cos(mid)
-    state[1] += chord * np.sin(mid)
+    sin, cos = ARRAYS.sincos(mid)
+    state[0] += chord * cos
+    state[1] += chord * sin
     state[2] = ARRAYS.wrap(mid + half)
 
 
