@@ -18,14 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from muro_zenoh.geometry import TagMount, View
+from muro_zenoh.simulation.tag_print import SQUARE, TagPrints, corners_in_world, turned
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-BLACK: Final = 30
-"""Grey level of a tag's ink."""
-WHITE: Final = 225
-"""Grey level of a tag's paper."""
 BODY: Final = 75
 """Grey level of a robot's top."""
 MARK: Final = 135
@@ -33,8 +30,6 @@ MARK: Final = 135
 FLOOR: Final = 165
 """Mean grey level of the floor."""
 
-_TEXELS = 8  # a cell of the tag: a cell is 4 to 10 pixels wide in use, so linear sampling hardly aliases
-_QUIET = 1  # cells of white paper round the tag's black border
 _SHIFT = 4  # binary places of the sub-pixel coordinates that fillConvexPoly takes
 _BANK = 96  # a noise crop starts at any of so many rows and columns: 9216 different frames
 _RIM = 4  # pixels round a robot that the blur may reach
@@ -75,23 +70,17 @@ class OverheadCamera:
             raise ValueError(f"a picture of {width} x {height} pixels, expected at least 1 x 1")
         if homography.shape != (3, 3) or not np.isfinite(homography).all():
             raise ValueError(f"homography of shape {homography.shape}, expected a finite 3 x 3 matrix")
-        if not 0.0 <= noise <= 20.0 or not 0.0 <= blur <= 10.0:
-            raise ValueError(f"noise {noise} and blur {blur}, expected 0 to 20 grey levels and 0 to 10 pixels")
+        if not 0.0 <= noise <= 64.0 or not 0.0 <= blur <= 10.0:
+            raise ValueError(f"noise {noise} and blur {blur}, expected 0 to 64 grey levels and 0 to 10 pixels")
         cv2.setNumThreads(1)
         self.width = width
         self.height = height
         self.homography = homography.astype(np.float64)
-        self._dictionary = tag_dictionary(family)
-        self._family = family
+        self._prints = TagPrints(family)
         self._blur = blur
-        # Noise is added as unsigned bytes around this offset, in one saturating pass; the scene is drawn darker by it.
-        self._offset = math.ceil(4.0 * noise)
         rng = np.random.default_rng(seed)
         self._floor = self._draw_floor(rng)
-        self._bank = self._draw_bank(rng, noise)
-        self._textures: dict[int, Picture] = {}
-        cells = self._dictionary.markerSize + 2
-        self._paper = (cells + 2 * _QUIET) / cells  # its side in sides of the tag
+        self._noise = self._draw_noise(rng, noise)
 
     @classmethod
     def from_views(
@@ -186,12 +175,14 @@ class OverheadCamera:
             picture = scene.copy()
             for i in shown:
                 left, top, right, bottom = boxes[i]
-                window = (slice(top, bottom), slice(left, right))
-                cv2.GaussianBlur(scene[window], (0, 0), self._blur, dst=picture[window])
-        if self._bank is not None:
+                sharp, blurred = scene[top:bottom, left:right], picture[top:bottom, left:right]
+                cv2.GaussianBlur(sharp, (0, 0), self._blur, dst=blurred)
+        if self._noise is not None:
             row, column = rng.integers(0, _BANK, size=2).tolist()
-            crop = self._bank[row : row + self.height, column : column + self.width]
-            cv2.add(picture, crop, dst=picture)
+            window = (slice(row, row + self.height), slice(column, column + self.width))
+            brighter, darker = self._noise
+            cv2.add(picture, brighter[window], dst=picture)
+            cv2.subtract(picture, darker[window], dst=picture)
         return picture
 
     def _outlines(
@@ -199,11 +190,11 @@ class OverheadCamera:
     ) -> tuple[Array, Array, list[list[int]]]:
         """Of all robots: bodies (N, 43, 2) and papers (N, 4, 2) [px], and the boxes round both, cut at the edges."""
         count = len(poses)
-        half = np.array([0.5 * mount.size * self._paper for mount in mounts]).reshape(count, 1, 1)
+        half = np.array([0.5 * mount.size * self._prints.paper for mount in mounts]).reshape(count, 1, 1)
         yaw = np.array([mount.yaw for mount in mounts])
         offset = np.array([(mount.x, mount.y) for mount in mounts]).reshape(count, 1, 2)
-        paper = _turned(_turned(half * _SQUARE, yaw) + offset, poses[:, 2])
-        body = _turned(np.array(radii).reshape(count, 1, 1) * _BODY, poses[:, 2])
+        paper = turned(turned(half * SQUARE, yaw) + offset, poses[:, 2])
+        body = turned(np.array(radii).reshape(count, 1, 1) * _BODY, poses[:, 2])
         places = np.concatenate((body, paper), axis=1) + poses[:, None, :2]
         points = self.project(places)
         # A robot behind the camera, or so far out that OpenCV's fixed-point numbers would overflow, is not drawn.
@@ -224,26 +215,26 @@ class OverheadCamera:
             speckle = rng.standard_normal((self.height, self.width), dtype=np.float32)
             grains = cv2.GaussianBlur(speckle, (0, 0), grain)
             floor += strength / float(grains.std() or 1.0) * grains
-        drawn: Picture = np.clip(np.rint(floor) - self._offset, 0, 255).astype(np.uint8)
+        drawn: Picture = np.clip(np.rint(floor), 0, 255).astype(np.uint8)
         return drawn
 
-    def _draw_bank(self, rng: np.random.Generator, noise: float) -> Picture | None:
+    def _draw_noise(self, rng: np.random.Generator, noise: float) -> tuple[Picture, Picture] | None:
+        """What is added and what is taken away, as bytes: two saturating passes, and no signed arithmetic."""
         if noise <= 0.0:
             return None
         shape = (self.height + _BANK, self.width + _BANK)
-        grey = self._offset + noise * rng.standard_normal(shape, dtype=np.float32)
-        bank: Picture = np.clip(np.rint(grey), 0, 2 * self._offset).astype(np.uint8)
-        return bank
+        grey = np.rint(noise * rng.standard_normal(shape, dtype=np.float32))
+        return grey.clip(0, 255).astype(np.uint8), (-grey).clip(0, 255).astype(np.uint8)
 
     def _draw_body(self, scene: Picture, outline: Array) -> None:
         fixed = np.rint(outline * (1 << _SHIFT)).astype(np.int32)
         disc, mark = fixed[:_DISC], fixed[_DISC:]
-        cv2.fillConvexPoly(scene, disc, (BODY - self._offset,), cv2.LINE_AA, _SHIFT)
-        cv2.fillConvexPoly(scene, mark, (MARK - self._offset,), cv2.LINE_AA, _SHIFT)
+        cv2.fillConvexPoly(scene, disc, (BODY,), cv2.LINE_AA, _SHIFT)
+        cv2.fillConvexPoly(scene, mark, (MARK,), cv2.LINE_AA, _SHIFT)
 
     def _draw_tag(self, scene: Picture, paper: Array, box: list[int], tag: int) -> None:
         left, top, right, bottom = box
-        texture = self._texture(tag)
+        texture = self._prints.texture(tag)
         end = texture.shape[0] - 0.5
         texels = np.array(((-0.5, -0.5), (end, -0.5), (end, end), (-0.5, end)), dtype=np.float32)
         # getPerspectiveTransform takes single precision, which suffices near the origin of the box.
@@ -251,49 +242,6 @@ class OverheadCamera:
         window = scene[top:bottom, left:right]
         size = (right - left, bottom - top)
         cv2.warpPerspective(texture, to_box, size, dst=window, borderMode=cv2.BORDER_TRANSPARENT)
-
-    def _texture(self, tag: int) -> Picture:
-        if tag not in self._textures:
-            if not 0 <= tag < len(self._dictionary.bytesList):
-                count = len(self._dictionary.bytesList)
-                raise ValueError(f"tag {tag}, expected 0 to {count - 1}: {self._family} has {count} tags")
-            cells = self._dictionary.markerSize + 2
-            bits = cv2.aruco.generateImageMarker(self._dictionary, tag, cells, borderBits=1)
-            levels = np.where(np.pad(bits, _QUIET, constant_values=255) > 0, WHITE, BLACK) - self._offset
-            self._textures[tag] = np.kron(levels, np.ones((_TEXELS, _TEXELS))).clip(0, 255).astype(np.uint8)
-        return self._textures[tag]
-
-
-def corners_in_world(pose: Array, mount: TagMount, border: float = 0.0) -> Array:
-    """A tag's corners when its robot is at a pose.
-
-    Args:
-        pose: (3,) x [m], y [m], theta [rad] of the base frame in the world.
-        mount: the tag on the robot.
-        border: this much more on each side [m].
-
-    Returns:
-        (4, 2) [m, world]: as printed, the upper left corner, then clockwise.
-    """
-    half = 0.5 * mount.size + border
-    in_base = _turned(half * _SQUARE, np.asarray(mount.yaw)) + np.array((mount.x, mount.y))
-    return _turned(in_base, pose[2]) + pose[:2]
-
-
-def tag_dictionary(family: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of tags of a name.
-
-    Args:
-        family: such as ``DICT_4X4_50`` or ``DICT_APRILTAG_36h11``.
-
-    Raises:
-        ValueError: no such dictionary.
-    """
-    number = getattr(cv2.aruco, family, None) if family.startswith("DICT_") else None
-    if not isinstance(number, int):
-        known = ", ".join(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
-        raise ValueError(f"tag family {family!r}, expected one of {known}")
-    return cv2.aruco.getPredefinedDictionary(number)
 
 
 def encode_jpeg(picture: Picture, quality: int = 85) -> bytes:
@@ -309,13 +257,6 @@ def encode_jpeg(picture: Picture, quality: int = 85) -> bytes:
     return data.tobytes()
 
 
-def _turned(points: Array, angle: Array) -> Array:
-    """Points (..., K, 2) turned by angles (...) [rad]."""
-    c, s = np.cos(angle), np.sin(angle)
-    turned: Array = points @ np.stack((np.stack((c, s), axis=-1), np.stack((-s, c), axis=-1)), axis=-2)
-    return turned
-
-
 def _body(count: int) -> Array:
     """A disc of radius 1 as a polygon, and a mark that points forwards: for people, who cannot read tags."""
     angles = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
@@ -323,6 +264,5 @@ def _body(count: int) -> Array:
     return np.concatenate((np.column_stack((np.cos(angles), np.sin(angles))), mark))
 
 
-_SQUARE: Final = np.array(((-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)))
 _DISC: Final = 40  # corners: 0.1 px from a circle of 40 px radius
 _BODY: Final = _body(_DISC)

@@ -5,14 +5,8 @@ import numpy as np
 import pytest
 
 from muro_zenoh.geometry import TagMount, straight_down_view
-from muro_zenoh.simulation.camera import (
-    BLACK,
-    BODY,
-    WHITE,
-    OverheadCamera,
-    corners_in_world,
-    encode_jpeg,
-)
+from muro_zenoh.simulation.camera import BODY, OverheadCamera, encode_jpeg
+from muro_zenoh.simulation.tag_print import BLACK, WHITE, corners_in_world
 
 WIDTH, HEIGHT = 640, 480
 ROOM = (-1.6, -1.2, 1.6, 1.2)  # 200 px a metre, the world's origin at pixel (319.5, 239.5)
@@ -94,12 +88,15 @@ class TestRender:
         assert np.abs(np.mean(off)) < 0.005
         assert np.abs(off).max() < 0.02
 
-    def test_noise_has_its_strength_and_does_not_change_the_light(self) -> None:
+    @pytest.mark.parametrize("strength", [0.5, 3.0, 12.0])
+    def test_noise_has_its_strength_and_does_not_change_the_light(self, strength: float) -> None:
         nobody = (np.empty((0, 3)), [], [])
         still = camera(noise=0.0).render(*nobody, np.random.default_rng(0)).astype(float)
-        noisy = camera(noise=3.0).render(*nobody, np.random.default_rng(0)).astype(float)
-        assert (noisy - still).mean() == pytest.approx(0.0, abs=0.05)
-        assert (noisy - still).std() == pytest.approx(3.0, rel=0.03)
+        noisy = camera(noise=strength).render(*nobody, np.random.default_rng(0)).astype(float)
+        assert (noisy - still).mean() == pytest.approx(0.0, abs=0.02 * strength)
+        assert (noisy - still).std() == pytest.approx(
+            math.hypot(strength, math.sqrt(1 / 12)), rel=0.03
+        )  # and the rounding's
 
     def test_the_floor_stays_and_the_noise_changes(self) -> None:
         scene = camera()

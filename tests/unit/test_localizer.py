@@ -9,7 +9,8 @@ from basestation.localization.localizer import Localizer, Sighting, fit_squares
 from basestation.localization.markers import Marker, TagDetector
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Pose2, TagMount, View, straight_down_view, wrap_to_pi
-from muro_zenoh.simulation.camera import OverheadCamera, corners_in_world, encode_jpeg
+from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from muro_zenoh.simulation.tag_print import corners_in_world
 
 WIDTH, HEIGHT = 1280, 720
 VIEWS = straight_down_view(-2.1, -1.5, 2.1, 1.5, WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
