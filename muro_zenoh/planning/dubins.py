@@ -15,7 +15,7 @@ Source: Dubins, American Journal of Mathematics 79, 1957; seed 004, section 4.
 from __future__ import annotations
 
 import math
-from math import acos, atan2, cos, sin, sqrt
+from math import acos, atan2, cos, pi, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -28,7 +28,8 @@ from muro_zenoh.planning.path import Path, Segment
 WORDS: Final = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
 """The six words; of equal lengths the first here is taken."""
 
-_FULL: Final = TWO_PI - 1e-9
+_NONE: Final = 1e-9
+_FULL: Final = TWO_PI - _NONE
 _TURN: Final = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
@@ -58,64 +59,109 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
     x1, y1, a1 = goal
     dx, dy = (x1 - x0) / radius, (y1 - y0) / radius
     s0, c0, s1, c1 = sin(a0), cos(a0), sin(a1), cos(a1)
+    # The net turn, to the left and to the right: two arcs one way add up to it, or to a whole turn more.
+    to_left = (a1 - a0) % TWO_PI
+    if to_left > _FULL:
+        to_left = 0.0
+    to_right = TWO_PI - to_left if to_left > _NONE else 0.0
 
-    # From left centre to left centre and from right to right.
-    lx, ly = dx + s0 - s1, dy - c0 + c1
-    rx, ry = dx - s0 + s1, dy + c0 - c1
-    left, right = sqrt(lx * lx + ly * ly), sqrt(rx * rx + ry * ry)
-    left_way, right_way = atan2(ly, lx), atan2(ry, rx)
+    # From left centre to left centre.
+    x, y = dx + s0 - s1, dy - c0 + c1
+    left = p = sqrt(x * x + y * y)
+    left_way = atan2(y, x)
+    if p > _NONE:
+        t = (left_way - a0) % TWO_PI
+        if t > _FULL:
+            t = 0.0
+        q = to_left - t
+        if q < 0.0:
+            q = q + TWO_PI if q < -_NONE else 0.0
+    else:
+        # Circles that coincide have no tangent: one arc is all.
+        t, q = to_left, 0.0
+    best = t + p + q
+    word = "LSL"
+    first, middle, last = t, p, q
 
-    # Circles that coincide have no tangent: one arc is all.
-    t = ((left_way if left > 1e-9 else a1) - a0) % TWO_PI
-    q = (a1 - left_way) % TWO_PI if left > 1e-9 else 0.0
-    t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
-    best, word, first, middle, last = t + left + q, "LSL", t, left, q
+    # From right centre to right centre. Here and below, what cannot be shorter is not looked at.
+    x, y = dx - s0 + s1, dy + c0 - c1
+    right = p = sqrt(x * x + y * y)
+    right_way = atan2(y, x) if p + to_right < best or p < 4.0 else 0.0
+    if p + to_right < best:
+        if p > _NONE:
+            t = (a0 - right_way) % TWO_PI
+            if t > _FULL:
+                t = 0.0
+            q = to_right - t
+            if q < 0.0:
+                q = q + TWO_PI if q < -_NONE else 0.0
+        else:
+            t, q = to_right, 0.0
+        size = t + p + q
+        if size < best:
+            best = size
+            word = "RSR"
+            first, middle, last = t, p, q
 
-    t = (a0 - (right_way if right > 1e-9 else a1)) % TWO_PI
-    q = (right_way - a1) % TWO_PI if right > 1e-9 else 0.0
-    t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
-    if t + right + q < best:
-        best, word, first, middle, last = t + right + q, "RSR", t, right, q
-
-    # From left centre to right centre and from right to left. A word whose straight alone is longer is not looked at.
+    # From left centre to right centre and the other way about: the arcs differ by the net turn.
+    spare = best - (to_left if to_left < to_right else to_right)
+    spare = 4.0 + spare * spare if spare > 0.0 else 0.0
     x, y = dx + s0 + s1, dy - c0 - c1
-    square = x * x + y * y - 4.0
-    if 0.0 <= square < best * best:
-        p = sqrt(square)
-        way = atan2(y, x) + atan2(2.0, p)
-        t, q = (way - a0) % TWO_PI, (way - a1) % TWO_PI
-        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
-        if t + p + q < best:
-            best, word, first, middle, last = t + p + q, "LSR", t, p, q
+    square = x * x + y * y
+    if 4.0 <= square < spare:
+        p = sqrt(square - 4.0)
+        t = (atan2(y, x) + atan2(2.0, p) - a0) % TWO_PI
+        if t > _FULL:
+            t = 0.0
+        q = t - to_left
+        if q < 0.0:
+            q = q + TWO_PI if q < -_NONE else 0.0
+        size = t + p + q
+        if size < best:
+            best = size
+            word = "LSR"
+            first, middle, last = t, p, q
 
     x, y = dx - s0 - s1, dy + c0 + c1
-    square = x * x + y * y - 4.0
-    if 0.0 <= square < best * best:
-        p = sqrt(square)
-        way = atan2(y, x) - atan2(2.0, p)
-        t, q = (a0 - way) % TWO_PI, (a1 - way) % TWO_PI
-        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
-        if t + p + q < best:
-            best, word, first, middle, last = t + p + q, "RSL", t, p, q
+    square = x * x + y * y
+    if 4.0 <= square < spare:
+        p = sqrt(square - 4.0)
+        t = (a0 - atan2(y, x) + atan2(2.0, p)) % TWO_PI
+        if t > _FULL:
+            t = 0.0
+        q = t + to_left
+        if q > _FULL:
+            q = q - TWO_PI if q > TWO_PI else 0.0
+        size = t + p + q
+        if size < best:
+            best = size
+            word = "RSL"
+            first, middle, last = t, p, q
 
     # The middle arc of the last two is more than half a turn.
-    if best > math.pi and right < 4.0:
-        p = TWO_PI - acos(1.0 - 0.125 * right * right)
-        t = (a0 - right_way + 0.5 * p) % TWO_PI
-        q = (a0 - a1 - t + p) % TWO_PI
-        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
-        if t + p + q < best:
-            best, word, first, middle, last = t + p + q, "RLR", t, p, q
+    if best > pi:
+        if right < 4.0:
+            p = TWO_PI - acos(1.0 - 0.125 * right * right)
+            t = (a0 - right_way + 0.5 * p) % TWO_PI
+            q = (a0 - a1 - t + p) % TWO_PI
+            t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+            size = t + p + q
+            if size < best:
+                best = size
+                word = "RLR"
+                first, middle, last = t, p, q
 
-    if best > math.pi and left < 4.0:
-        p = TWO_PI - acos(1.0 - 0.125 * left * left)
-        t = (left_way - a0 + 0.5 * p) % TWO_PI
-        q = (a1 - a0 - t + p) % TWO_PI
-        t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
-        if t + p + q < best:
-            return Word("LRL", t, p, q)
+        if left < 4.0:
+            p = TWO_PI - acos(1.0 - 0.125 * left * left)
+            t = (left_way - a0 + 0.5 * p) % TWO_PI
+            q = (a1 - a0 - t + p) % TWO_PI
+            t, q = 0.0 if t > _FULL else t, 0.0 if q > _FULL else q
+            if t + p + q < best:
+                word = "LRL"
+                first, middle, last = t, p, q
 
-    return Word(word, first, middle, last)
+    # A named tuple's own constructor takes as long as one of the words.
+    return tuple.__new__(Word, (word, first, middle, last))
 
 
 def path_of(start: Pose2, word: Word, radius: float) -> Path:
@@ -183,7 +229,7 @@ def all_words(start: Array, goal: Array, radius: float) -> WordArrays:
     lx, ly, rx, ry = dx + s0 - s1, dy - c0 + c1, dx - s0 + s1, dy + c0 - c1
     left, right = np.hypot(lx, ly), np.hypot(rx, ry)
     left_way, right_way = np.arctan2(ly, lx), np.arctan2(ry, rx)
-    one_left, one_right = left <= 1e-9, right <= 1e-9
+    one_left, one_right = left <= _NONE, right <= _NONE
 
     lsl = (np.where(one_left, a1, left_way) - a0, left, np.where(one_left, 0.0, a1 - left_way))
     rsr = (a0 - np.where(one_right, a1, right_way), right, np.where(one_right, 0.0, right_way - a1))
