@@ -11,16 +11,20 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from agents.tasks.drive import Drive
 from agents.tasks.localize import Localize
 from muro_zenoh import channels, config
 from muro_zenoh.geometry import Circle, Pose2, Twist2, advance
-from muro_zenoh.messages import Estimate, RobotState, SpeedReference, Value
-from muro_zenoh.transport import Bus, Latest
+from muro_zenoh.messages import Ack, Cell, Estimate, Goal, Message, RobotState, SpeedReference, Value
+from muro_zenoh.messages import Path as PathMessage
+from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.path import Path
+from muro_zenoh.transport import Bus, Every, Latest, Publisher
 
 S = TypeVar("S", bound=config.Section)
+M = TypeVar("M", bound=Message)
 
 
 class Robot:
@@ -43,14 +47,15 @@ class Robot:
     def __init__(self, bus: Bus, name: str, scenario: config.Scenario, localize: Localize, drive: Drive) -> None:
         self.name = name
         self.settings = scenario.robot[name]
-        self.arena = scenario.arena
+        a = scenario.arena
+        self.arena = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
         self.parameters: Mapping[str, Value] = {}
         self._bus = bus
         self._localize = localize
         self._drive = drive
         self._snapshot = bus.latest(channels.ALL_POSITIONS)
         self._circle = bus.latest(channels.CIRCLE)
-        self._speed = bus.publisher(channels.VELOCITY, name)
+        self._publishers: dict[str, Publisher[Any]] = {}
 
     def parameters_as(self, kind: type[S]) -> S:
         """The behaviour's parameters, checked.
@@ -139,13 +144,64 @@ class Robot:
         Args:
             speed: along the path [m/s].
         """
-        self._speed.put(SpeedReference(speed=speed))
+        self._say(channels.VELOCITY, SpeedReference(speed=speed))
 
     def speed_references(self) -> Latest[SpeedReference]:
         """A mailbox with the speed that this robot shall go, from whoever says it; close it when done."""
         return self._bus.latest(channels.VELOCITY, self.name)
 
+    def goal(self, x: float, y: float, theta: float | None = None) -> None:
+        """Say where this robot shall go, as ``muro/goal/<name>``.
+
+        Args:
+            x: the goal [m, world].
+            y: the goal [m, world].
+            theta: the heading to arrive with [rad]; None when it does not matter.
+        """
+        self._say(channels.GOAL, Goal(x=x, y=y, theta=theta))
+
+    def goals(self) -> Every[Goal]:
+        """A mailbox with the goals of this robot, from whoever says them; close it when done."""
+        return self._bus.every(channels.GOAL, self.name, depth=16)
+
+    def acks(self) -> Publisher[Ack]:
+        """Where orders to this robot are answered; close it when done."""
+        return self._bus.publisher(channels.ACK, self.name)
+
+    def show_path(self, path: Path, goal_theta: bool) -> None:
+        """Publish a planned path.
+
+        Args:
+            path: the path.
+            goal_theta: whether the goal asked for the heading at its end.
+        """
+        x, y, theta = path.start
+        segments = tuple((segment.length, segment.curvature) for segment in path.segments)
+        self._say(channels.PATH, PathMessage(x=x, y=y, theta=theta, segments=segments, goal_theta=goal_theta))
+
+    def show_cell(self, corners: tuple[tuple[float, float], ...], x: float, y: float) -> None:
+        """Publish a Voronoi cell.
+
+        Args:
+            corners: of the cell, counter-clockwise [m, world].
+            x: of the centroid [m, world].
+            y: of the centroid [m, world].
+        """
+        self._say(channels.CELL, Cell(corners=corners, x=x, y=y))
+
+    @property
+    def may_drive(self) -> bool:
+        """Whether nothing kept the robot from driving at its last command."""
+        return not self._drive.reasons
+
     @property
     def now(self) -> float:
         """The local clock [s since 1970]."""
         return self._bus.clock.now()
+
+    def _say(self, channel: channels.Channel[M], message: M) -> None:
+        """Publish under this robot's name; most robots never need most channels, so they are declared when they do."""
+        publisher = self._publishers.get(channel.word)
+        if publisher is None:
+            publisher = self._publishers[channel.word] = self._bus.publisher(channel, self.name)
+        publisher.put(message)

@@ -100,6 +100,8 @@ CMD_VEL = Channel(
     note="older than 300 ms, the base's dead-man zeroes the wheels",
 )
 GOAL = Channel("goal", m.Goal, "operator, coverage", "event", "every", ros="move_base_simple/goal", note="acknowledged")
+PATH = Channel("path", m.Path, "agent/dubins", "event", "kept", note="the planned Dubins path")
+CELL = Channel("cell", m.Cell, "agent/coverage", "1 Hz and on change", "newest", note="for drawing")
 CIRCLE = Channel("circle", m.Circle, "basestation", "2 Hz and on an order", "kept", named="", ros="/centroidPos")
 BEHAVIOUR = Channel("behaviour", m.Behaviour, "basestation", "2 Hz and on an order", "kept", ros="(launch file)")
 ODOMETRY = Channel("odometry", m.Odometry, "base", "50 Hz", "every", 0.15, ros="odom")
@@ -128,6 +130,8 @@ CHANNELS: Final[tuple[Channel[Any], ...]] = (
     VELOCITY,
     CMD_VEL,
     GOAL,
+    PATH,
+    CELL,
     CIRCLE,
     BEHAVIOUR,
     ODOMETRY,

@@ -151,6 +151,38 @@ class Goal(Message, frozen=True, kw_only=True):
     theta: float | None = None
 
 
+class Path(Message, frozen=True, kw_only=True):
+    """A planned path: a start, and arcs and straights one after the other.
+
+    Attributes:
+        x: where it begins [m, world].
+        y: where it begins [m, world].
+        theta: in which direction [rad].
+        segments: rows ``(length [m], curvature [1/m])``, the curvature positive to the left, 0 straight on.
+        goal_theta: whether the goal asked for the heading at the end; else the heuristic chose it.
+    """
+
+    x: float
+    y: float
+    theta: float
+    segments: tuple[tuple[float, float], ...]
+    goal_theta: bool = False
+
+
+class Cell(Message, frozen=True, kw_only=True):
+    """A robot's Voronoi cell within the arena, and the (density-weighted) centroid that it makes for.
+
+    Attributes:
+        corners: ``(x, y)`` counter-clockwise [m, world]; none for an empty cell.
+        x: of the centroid [m, world].
+        y: of the centroid [m, world].
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    x: float
+    y: float
+
+
 class Odometry(Message, frozen=True, kw_only=True):
     """What the wheels' encoders say: a pose in a frame of their own, and the twist."""
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 
+from agents.doors import load_function
 from agents.robot import Robot
 from agents.tasks.path_following import CircleParameters, follow_circle
 from muro_zenoh import channels
 from muro_zenoh.config.sections import NotNegative, Positive
+from muro_zenoh.control.importance import Importance
 from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, pursue
 from muro_zenoh.messages import Estimate
 
@@ -18,11 +20,14 @@ class PursuitParameters(CircleParameters, frozen=True, kw_only=True):
     """Parameters of the behaviour ``pursuit``, besides those of ``circle``.
 
     Attributes:
-        pursuit: ``two_gap``, ``normalised`` or ``proportional``.
+        pursuit: ``two_gap``, ``normalised``, ``proportional`` or ``importance``.
         cruise: speed of an evenly spread ring [m/s].
         gain: of the pursuit law; its own default when it is not given.
         v_min: least speed on the ring [m/s].
         v_max: greatest speed on the ring [m/s].
+        angles: for ``importance``: angles on the circle [rad] ...
+        weights: ... and how much each matters, above 0; in between it is interpolated.
+        importance: for ``importance``, instead of a table: ``module:function``, from an angle [rad] to a weight.
     """
 
     pursuit: str = "two_gap"
@@ -30,10 +35,23 @@ class PursuitParameters(CircleParameters, frozen=True, kw_only=True):
     gain: Positive | None = None
     v_min: NotNegative = 0.05
     v_max: Positive = 0.4
+    angles: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
+    importance: str = ""
 
     def pursuit_law(self) -> PursuitLaw:
-        """The law with its gain and limits."""
-        return PursuitLaw(self.pursuit, self.cruise, self.gain, self.v_min, self.v_max)
+        """The law with its gain and limits.
+
+        Raises:
+            ValueError: an unknown law, or numbers that do not fit together.
+            BehaviourError: an importance function that cannot be loaded.
+        """
+        importance = None
+        if self.importance:
+            importance = Importance.from_function(load_function(self.importance))
+        elif self.angles or self.weights:
+            importance = Importance.from_table(self.angles, self.weights)
+        return PursuitLaw(self.pursuit, self.cruise, self.gain, self.v_min, self.v_max, importance)
 
 
 async def pursuit(robot: Robot) -> None:

@@ -73,7 +73,7 @@ class Kept:
         self._scenario = scenario
         self._path = path
         self.state = _load(path) if path is not None and path.exists() else _initial(scenario)
-        missing = {name: _behaviour(scenario) for name in scenario.robot if name not in self.state.behaviour}
+        missing = {name: _behaviour(scenario, name) for name in scenario.robot if name not in self.state.behaviour}
         if missing:
             self._change(behaviour={**self.state.behaviour, **missing})
 
@@ -191,13 +191,14 @@ class Kept:
         return Reply(accepted=False, reason=reason, revision=self.state.revision)
 
 
-def _behaviour(scenario: Scenario) -> KeptBehaviour:
-    return KeptBehaviour(scenario.behaviour.name, scenario.behaviour.parameters)
+def _behaviour(scenario: Scenario, name: str) -> KeptBehaviour:
+    behaviour = scenario.behaviour_of(name)
+    return KeptBehaviour(behaviour.name, behaviour.parameters)
 
 
 def _initial(scenario: Scenario) -> KeptState:
     c = scenario.circle
-    behaviours = {name: _behaviour(scenario) for name in scenario.robot}
+    behaviours = {name: _behaviour(scenario, name) for name in scenario.robot}
     return KeptState(x=c.x, y=c.y, radius=c.radius, clockwise=c.clockwise, behaviour=behaviours)
 
 

@@ -21,6 +21,7 @@ from muro_zenoh.config.sections import (
     Camera,
     Checks,
     CircleSettings,
+    GoalRow,
     Positive,
     Robot,
     Scenario,
@@ -38,7 +39,7 @@ _SECTIONS: Final[dict[str, type[Section]]] = {
     "checks": Checks,
     "simulation": Simulation,
 }
-_TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", *_SECTIONS)
+_TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
 S = TypeVar("S", bound=Section)
 
@@ -93,6 +94,10 @@ def parse_scenario(table: Mapping[str, Any], file: str, *, name: str, robots: in
         robot=_robots(table, file, robots),
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", file), file),
+        goals={
+            _name(key, file, f"goals.{key}"): _value(tuple[GoalRow, ...], rows, file, f"goals.{key}")
+            for key, rows in _table(table, "goals", file).items()
+        },
         **sections,
     )
     check_possible(scenario, file)

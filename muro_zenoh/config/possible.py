@@ -32,6 +32,7 @@ def check_possible(s: Scenario, file: str) -> None:
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
     _check_circle(s, file)
+    _check_goals(s, file)
 
 
 def _check_tags(s: Scenario, file: str) -> None:
@@ -72,3 +73,18 @@ def _check_circle(s: Scenario, file: str) -> None:
             expected=f"at least {2 * body:g} m between their centres",
             hint=f"At most {most} robots fit, or a circle of {body / math.sin(math.pi / count):.2f} m.",
         )
+
+
+def _check_goals(s: Scenario, file: str) -> None:
+    a = s.arena
+    for name, goals in s.goals.items():
+        if name not in s.robot:
+            continue  # a run with fewer robots than the file has goals for
+        body = s.robot[name].radius
+        for index, (x, y, *_) in enumerate(goals):
+            if not (a.x_min + body <= x <= a.x_max - body and a.y_min + body <= y <= a.y_max - body):
+                raise ConfigError(
+                    f"{file}: goals.{name}[{index}]",
+                    got=f"({x:g}, {y:g})",
+                    expected=f"a place at least the robot's radius, {body:g} m, inside the arena",
+                )

@@ -16,6 +16,7 @@ Fraction = Annotated[float, Meta(ge=0, lt=1)]
 Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
 Point = Annotated[tuple[float, ...], Meta(min_length=2, max_length=2)]
+GoalRow = Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
@@ -239,6 +240,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         circle: the circle at the start.
         bus: how to reach the others.
         behaviour: what every robot does at the start.
+        goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] of each robot, for the behaviours that go to goals.
         checks: what the run must meet.
         simulation: what the simulator hides.
     """
@@ -252,8 +254,20 @@ class Scenario(Section, frozen=True, kw_only=True):
     circle: CircleSettings = CircleSettings()
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
+    goals: dict[Name, tuple[GoalRow, ...]] = {}
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
+
+    def behaviour_of(self, name: str) -> BehaviourSettings:
+        """What a robot does at first: the common behaviour, with its own goals among the parameters.
+
+        Args:
+            name: of the robot.
+        """
+        goals = self.goals.get(name)
+        if not goals:
+            return self.behaviour
+        return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
 
     @property
     def robots(self) -> tuple[str, ...]:

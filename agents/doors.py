@@ -1,0 +1,34 @@
+"""Functions that settings name as ``module:function``."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+from muro_zenoh.errors import BehaviourError
+
+
+def load_function(name: str) -> Callable[..., Any]:
+    """The function that a name stands for.
+
+    Args:
+        name: ``module:function``, in a module that can be imported.
+
+    Raises:
+        BehaviourError: not such a name, no such module or function, or its import failed.
+    """
+    module_name, colon, function_name = name.partition(":")
+    if not colon:
+        raise BehaviourError(f"function: got {name!r}, expected module:function")
+    try:
+        function = getattr(importlib.import_module(module_name), function_name)
+    except ModuleNotFoundError as error:
+        raise BehaviourError(f"{name!r}: {error}; is the file's folder on the agent's path (PYTHONPATH)?") from error
+    except AttributeError:
+        raise BehaviourError(f"{name!r}: module {module_name} has no function {function_name!r}") from None
+    except Exception as error:
+        raise BehaviourError(f"{name!r}: importing {module_name} failed: {error!r}") from error
+    if not callable(function):
+        raise BehaviourError(f"{name!r}: got {function!r}, expected a function")
+    return function  # type: ignore[no-any-return]  # just checked
