@@ -6,8 +6,10 @@ import click
 
 from muro_zenoh import __version__
 from muro_zenoh.cli.options import MuroGroup, example
+from muro_zenoh.cli.orders import resume, set_group, stop
 from muro_zenoh.cli.processes import agent, base, basestation, router, sim
 from muro_zenoh.cli.run import run
+from muro_zenoh.cli.topic import topic
 
 
 @click.group(
@@ -20,7 +22,7 @@ def main() -> None:
     """A lab of ground robots, run from Python over Zenoh."""
 
 
-for command in (run, agent, base, basestation, sim, router):
+for command in (run, agent, base, basestation, sim, router, stop, resume, set_group, topic):
     main.add_command(command)
 
 
