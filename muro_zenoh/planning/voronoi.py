@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from muro_zenoh.planning.arena import Bounds
 from muro_zenoh.planning.coverage import Point, Polygon, cell, same_place
@@ -31,14 +32,26 @@ def voronoi_cells(sites: Sequence[Point], bounds: Bounds) -> tuple[Polygon, ...]
         return tuple(cell(k, sites, bounds) for k in range(len(sites)))
     arena = shapely.box(bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max)
     whole = shapely.voronoi_polygons(shapely.MultiPoint([sites[k] for k in unique]), extend_to=arena, ordered=True)
-    clipped = shapely.intersection(np.array(whole.geoms), arena)
-    polygons = {k: _corners(piece) for k, piece in zip(unique, clipped, strict=True)}
+    pieces = np.array(whole.geoms)
+    # Only the outer cells need cutting, which takes longer than the diagram.
+    x_min, y_min, x_max, y_max = shapely.bounds(pieces).T
+    outer = (x_min < bounds.x_min) | (y_min < bounds.y_min) | (x_max > bounds.x_max) | (y_max > bounds.y_max)
+    pieces[outer] = shapely.intersection(pieces[outer], arena)
+    polygons = dict(zip(unique, _corners(pieces), strict=True))
     return tuple(polygons[k] for k in first)
 
 
-def _corners(piece: shapely.Geometry) -> Polygon:
-    if not isinstance(piece, shapely.Polygon) or piece.is_empty:
-        return ()
-    ring = shapely.get_coordinates(shapely.get_exterior_ring(shapely.normalize(piece)))[:-1]
-    # shapely's normal form is clockwise
-    return tuple((x, y) for x, y in ring[::-1].tolist())
+def _corners(pieces: NDArray[np.object_]) -> list[Polygon]:
+    """Corners counter-clockwise; none for a cell outside the arena, of which a point or an edge may be left."""
+    pieces[shapely.get_dimensions(pieces) < 2] = None
+    rings = shapely.get_exterior_ring(pieces)
+    places, index = shapely.get_coordinates(rings, return_index=True)
+    counts = np.bincount(index, minlength=len(pieces)).tolist()
+    clockwise = (~shapely.is_ccw(rings)).tolist()
+    polygons, start = [], 0
+    rows = [(x, y) for x, y in places.tolist()]
+    for count, reverse in zip(counts, clockwise, strict=True):
+        corners = rows[start : start + count - 1] if count else []
+        polygons.append(tuple(reversed(corners) if reverse else corners))
+        start += count
+    return polygons
