@@ -113,7 +113,7 @@ class TagDetector:
         """
         return _distinct(_markers(self._of(max(image.shape)), image, 0, 0))
 
-    def detect_near(self, image: Picture, expected: Iterable[Marker], *, reach: float = 0.5) -> list[Marker]:
+    def detect_near(self, image: Picture, expected: Iterable[Marker], *, reach: float = 0.4) -> list[Marker]:
         """The tags round the places where some are expected; several times faster than the whole picture.
 
         Any tag within a crop is returned, also when another was expected there.

@@ -32,7 +32,7 @@ class DrawnMarkers:
         self.wholes += 1
         return list(self.markers)
 
-    def detect_near(self, image: np.ndarray, expected: list[Marker], *, reach: float = 0.5) -> list[Marker]:
+    def detect_near(self, image: np.ndarray, expected: list[Marker], *, reach: float = 0.4) -> list[Marker]:
         return [m for m in self.markers if any(math.dist(m.centre, e.centre) < reach * e.side for e in expected)]
 
 
