@@ -207,9 +207,8 @@ def _print_rates(arrivals: dict[str, list[float]]) -> None:
         waits = [b - a for a, b in itertools.pairwise(times)]
         if waits:
             rate = len(waits) / (times[-1] - times[0]) if times[-1] > times[0] else math.inf
-            click.echo(
-                f"{stamp} {key}  {rate:.1f} Hz  {len(waits)} new, waits {1e3 * min(waits):.1f} to {1e3 * max(waits):.1f} ms"
-            )
+            least, most = 1e3 * min(waits), 1e3 * max(waits)
+            click.echo(f"{stamp} {key}  {rate:.1f} Hz  {len(waits)} new, waits {least:.1f} to {most:.1f} ms")
             del times[:-1]
         else:
             click.echo(f"{stamp} {key}  nothing new")
