@@ -18,7 +18,6 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from muro_zenoh.channels import (
-    CHANNELS,
     Channel,
     Verb,
     alive_in,
@@ -28,7 +27,7 @@ from muro_zenoh.channels import (
     key_of,
     verb_key,
 )
-from muro_zenoh.errors import MessageError, NoReply
+from muro_zenoh.errors import ConfigError, MessageError, MuroError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, check_encoding, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.transport.inbox import Counters, Every, Inbox, Latest, Waker
@@ -49,6 +48,7 @@ class Publisher(Generic[T]):
         self._key = key
         self._link = link
         self._seq = 0
+        self._closed = False
 
     def put(self, message: T) -> T:
         """Send a message; it never blocks.
@@ -57,8 +57,10 @@ class Publisher(Generic[T]):
             message: its ``seq`` and ``epoch`` are filled in, and its ``stamp`` when it is 0.
 
         Returns:
-            The message as it was sent.
+            The message as it was sent; once this is closed, the message as it came in, which goes nowhere.
         """
+        if self._closed:
+            return message
         self._seq += 1
         sent = msgspec.structs.replace(
             message, stamp=message.stamp or self._bus.clock.now(), seq=self._seq, epoch=self._bus.epoch
@@ -70,7 +72,10 @@ class Publisher(Generic[T]):
 
     def close(self) -> None:
         """Undeclare it; a second time does nothing."""
-        self._link.close()
+        if not self._closed:
+            self._closed = True
+            self._link.close()
+            self._bus._forget(self)
 
 
 class Bus:
@@ -96,9 +101,10 @@ class Bus:
         self._loop = asyncio.get_running_loop()
         self._waker = Waker(self._loop)
         self._readers: dict[str, list[Inbox[Any]]] = {}
-        self._open: list[Closable] = []
-        self._watched: list[tuple[Channel[Any], str, Inbox[Any]]] = []
-        self._publishers: list[str] = []
+        self._open: dict[Closable, None] = {}  # in the order of their declaration
+        self._everybodys: list[tuple[str, Inbox[Any]]] = []  # mailboxes of `*`, with the start of their keys
+        self._own_keys: set[str] = set()
+        self._closed = False
 
     # ---- channels
 
@@ -112,17 +118,20 @@ class Bus:
         Raises:
             ConfigError: not a name, or a name too many or too few.
         """
+        self._check_open()
+        if name == "*":
+            raise ConfigError(f"channel {channel.word}", got="the name '*' to publish on", expected="one name")
         key = key_of(self.realm, channel, name)
         link = self._link.publisher(
             key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=channel.delivery == "kept"
         )
         publisher: Publisher[T] = Publisher(self, key, link)
-        self._open.append(publisher)
-        # Wildcard mailboxes that were there first learn of the new key.
-        self._publishers.append(key)
-        for other, expression, inbox in self._watched:
-            if other is channel and expression.endswith("/*"):
-                self._readers.setdefault(key, []).append(inbox)
+        self._open[publisher] = None
+        if key not in self._own_keys:
+            self._own_keys.add(key)
+            # Mailboxes of everybody's messages that were there first learn of the new key.
+            readers = self._readers.setdefault(key, [])
+            readers += [inbox for start, inbox in self._everybodys if key.startswith(start)]
         return publisher
 
     def latest(self, channel: Channel[T], name: str = "", *, own_only: bool = False) -> Latest[T]:
@@ -151,22 +160,32 @@ class Bus:
         return channel.kind, prefix, self.clock, self._waker, counters, key_of(self.realm, channel, name)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
+        self._check_open()
         expression = key_of(self.realm, channel, name)
-        ours = (key for key in self._publishers if key.startswith(expression[:-1])) if name == "*" else (expression,)
+        if name == "*":
+            start = expression[:-1]
+            self._everybodys.append((start, inbox))
+            ours = [key for key in self._own_keys if key.startswith(start)]
+        else:
+            ours = [expression]
         for key in ours:
             self._readers.setdefault(key, []).append(inbox)
-        self._watched.append((channel, expression, inbox))
-        inbox.on_close(lambda: self._forget(inbox))
         if not own_only:
             inbox.on_close(self._link.subscribe(expression, inbox.file, keep=channel.delivery == "kept").close)
-        self._open.append(inbox)
+        inbox.on_close(lambda: self._forget(inbox))
+        self._open[inbox] = None
         return inbox
 
-    def _forget(self, inbox: Inbox[Any]) -> None:
+    def _forget(self, thing: Closable) -> None:
+        self._open.pop(thing, None)
         for readers in self._readers.values():
-            if inbox in readers:
-                readers.remove(inbox)
-        self._watched = [entry for entry in self._watched if entry[2] is not inbox]
+            if thing in readers:
+                readers.remove(thing)
+        self._everybodys = [entry for entry in self._everybodys if entry[1] is not thing]
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise TransportError("this bus is closed: declare what a task needs before, or open another")
 
     # ---- presence
 
@@ -177,14 +196,17 @@ class Bus:
             role: ``agent``, ``base``, ``basestation``, ``simulator``, ``router`` or ``operator``.
             name: who of them.
         """
+        self._check_open()
         key = alive_key(self.realm, check_name(role, "role"), check_name(name))
-        self._open.append(self._link.declare_token(key))
+        self._open[self._link.declare_token(key)] = None
 
     def roster(self) -> Roster:
         """Who is alive, kept up to date."""
+        self._check_open()
         roster = Roster(self._loop, lambda key: alive_in(self.realm, key))
         roster.on_close(self._link.watch_tokens(alive_key(self.realm, "*", "*"), roster.file).close)
-        self._open.append(roster)
+        roster.on_close(lambda: self._forget(roster))
+        self._open[roster] = None
         return roster
 
     # ---- orders
@@ -199,7 +221,9 @@ class Bus:
 
         Raises:
             NoReply: nobody answered in time.
+            MessageError: what came was no reply.
         """
+        self._check_open()
         order = msgspec.structs.replace(order, stamp=self.clock.now(), epoch=self.epoch)
         key = verb_key(self.realm, verb)
         payload = await self._link.ask(key, encode(order), encoding_of(verb.kind), timeout)
@@ -215,20 +239,35 @@ class Bus:
 
         Args:
             verb: which order.
-            handle: takes the order, returns the reply; it must not block.
+            handle: takes the order, returns the reply; it must not block. A :class:`MuroError` that it raises refuses
+                the order with the error's text; any other is logged as well, for it is a bug.
         """
+        self._check_open()
         key = verb_key(self.realm, verb)
+        counters = self.counters[f"basestation/{verb.word}"]
 
         def on_loop(question: Question) -> None:
+            counters.received += 1
             try:
                 check_encoding(question.encoding, verb.kind)
-                reply = handle(decode(question.payload, verb.kind))
+                order = decode(question.payload, verb.kind)
             except MessageError as error:
-                self.counters[f"basestation/{verb.word}"].rejected += 1
+                counters.rejected += 1
                 reply = Reply(accepted=False, reason=str(error))
+            else:
+                reply = obey(order)
             question.reply(
                 encode(msgspec.structs.replace(reply, stamp=self.clock.now(), epoch=self.epoch)), encoding_of(Reply)
             )
+
+        def obey(order: T) -> Reply:
+            try:
+                return handle(order)
+            except MuroError as error:
+                return Reply(accepted=False, reason=str(error))
+            except Exception as error:
+                log.exception("%s: taking %r failed", key, order)
+                return Reply(accepted=False, reason=f"taking it failed: {type(error).__name__}: {error}")
 
         def file(question: Question) -> None:
             try:
@@ -236,7 +275,7 @@ class Bus:
             except RuntimeError:
                 log.debug("%s: a question came after the loop had closed", key)
 
-        self._open.append(self._link.answer(key, file))
+        self._open[self._link.answer(key, file)] = None
 
     # ---- looking at anything
 
@@ -247,9 +286,11 @@ class Bus:
             key_expr: a Zenoh key expression.
             depth: how many samples wait at most.
         """
+        self._check_open()
         tap = Tap(self._loop, self.clock, depth)
         tap.on_close(self._link.subscribe(key_expr, tap.file, keep=False).close)
-        self._open.append(tap)
+        tap.on_close(lambda: self._forget(tap))
+        self._open[tap] = None
         return tap
 
     def numbers(self) -> dict[str, float]:
@@ -271,9 +312,10 @@ class Bus:
 
     async def close(self) -> None:
         """Undeclare everything and leave; a second time does nothing."""
-        opened, self._open = self._open, []
-        for thing in reversed(opened):
+        self._closed = True
+        for thing in reversed(list(self._open)):
             thing.close()
+        self._open.clear()
         await self._link.close()
 
     async def __aenter__(self) -> Bus:
@@ -288,6 +330,3 @@ class Bus:
 def make_bus(link: Link, realm: str = "muro", clock: Clock | None = None) -> Bus:
     """A bus over any link; for the in-memory one, and for tests."""
     return Bus(link, realm, clock or SystemClock())
-
-
-assert len({c.word for c in CHANNELS}) == len(CHANNELS), "two rows of the channel table share a word"

@@ -10,27 +10,27 @@ from __future__ import annotations
 import math
 
 _HALF_WINDOW = 30.0
+_MOST_WRITERS = 4
 
 
 class DelayTracker:
-    """The least (arrival - stamp) of one writer.
+    """The least (arrival - stamp) of each writer of one key.
 
-    Two half-minute buckets that turn only when a message comes: silence does not make it forget, so the backlog that
-    ends a long freeze is still late.
+    Mostly that is one process. Where there are more (a stop from the base station and from an operator; a restart that
+    overlaps), each has a clock of its own; the four heard last are remembered.
     """
 
-    __slots__ = ("_began", "_epoch", "_newer", "_older")
+    __slots__ = ("_epoch", "_last", "_writers")
 
     def __init__(self) -> None:
         self._epoch = -1
-        self._began = -math.inf
-        self._newer = math.inf
-        self._older = math.inf
+        self._last = _Window(-math.inf)
+        self._writers: dict[int, _Window] = {}
 
     @property
     def least(self) -> float:
-        """The least (arrival - stamp) [s]; infinite before the first message."""
-        return min(self._newer, self._older)
+        """The least (arrival - stamp) of the writer heard last [s]; infinite before the first message."""
+        return min(self._last.newer, self._last.older)
 
     def observe(self, epoch: int, stamp: float, arrival: float) -> float:
         """Take a message into account.
@@ -45,11 +45,27 @@ class DelayTracker:
         """
         if epoch != self._epoch:
             self._epoch = epoch
-            self._began = arrival
-            self._newer = self._older = math.inf
-        elif arrival - self._began > _HALF_WINDOW:
-            self._older, self._newer = self._newer, math.inf
-            self._began = arrival
-        offset = arrival - stamp
-        self._newer = min(self._newer, offset)
-        return offset - self.least
+            window = self._writers.pop(epoch, None) or _Window(arrival)
+            self._writers[epoch] = self._last = window  # the one heard last stands last
+            if len(self._writers) > _MOST_WRITERS:
+                del self._writers[next(iter(self._writers))]
+        return self._last.observe(arrival - stamp, arrival)
+
+
+class _Window:
+    """The least offset of one writer, in two half-minute buckets that turn only when a message comes: silence does not
+    make it forget, so the backlog that ends a long freeze is still late."""
+
+    __slots__ = ("began", "newer", "older")
+
+    def __init__(self, began: float) -> None:
+        self.began = began
+        self.newer = math.inf
+        self.older = math.inf
+
+    def observe(self, offset: float, arrival: float) -> float:
+        if arrival - self.began > _HALF_WINDOW:
+            self.older, self.newer = self.newer, math.inf
+            self.began = arrival
+        self.newer = min(self.newer, offset)
+        return offset - min(self.newer, self.older)

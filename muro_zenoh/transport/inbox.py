@@ -1,7 +1,8 @@
 """Mailboxes between the middleware's threads and the event loop.
 
 A callback files bytes and leaves. A loop whose task waits is woken once for all that was filed meanwhile; a mailbox
-that nobody waits at wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts what it drops and what it rejects.
+that nobody waits at wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts
+what it drops and what it rejects.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ import logging
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
@@ -192,9 +193,11 @@ class Inbox(ABC, Generic[T]):
             finally:
                 self._waiter = None
 
-    async def __aiter__(self) -> AsyncIterator[Received[T]]:
-        while True:
-            yield await self.next()
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Received[T]:
+        return await self.next()
 
     def close(self) -> None:
         """Undeclare it; a task that waits here gets a :class:`TransportError`."""

@@ -59,7 +59,8 @@ class Link(Protocol):
         ...
 
     def subscribe(self, key_expr: str, file: FileSample, *, keep: bool) -> Closable:
-        """Declare a reader of others' samples, not of this link's own; ``keep``: with the values kept."""
+        """Declare a reader of others' samples, not of this link's own; ``keep``: with the values kept by now, whoever
+        keeps them."""
         ...
 
     def declare_token(self, key: str) -> Closable:

@@ -41,9 +41,9 @@ class MemoryNetwork:
 
     _readers: list[_Reader] = field(default_factory=list)
     _kept: dict[str, tuple[MemoryLink, bytes, str | None]] = field(default_factory=dict)
-    _tokens: dict[str, MemoryLink] = field(default_factory=dict)
+    _tokens: list[tuple[str, MemoryLink]] = field(default_factory=list)
     _watchers: list[tuple[MemoryLink, str, FileToken]] = field(default_factory=list)
-    _answers: dict[str, Callable[[Question], None]] = field(default_factory=dict)
+    _answers: list[tuple[str, MemoryLink, Callable[[Question], None]]] = field(default_factory=list)
 
     def link(self) -> MemoryLink:
         """A new link to this network."""
@@ -112,19 +112,24 @@ class MemoryLink:
         self.network._readers.append(reader)
         if keep:
             loop = asyncio.get_running_loop()
-            for key, (writer, payload, encoding) in self.network._kept.items():
-                if writer is not self and matches(key_expr, key):
+            for key, (_, payload, encoding) in self.network._kept.items():
+                if matches(key_expr, key):
                     loop.call_soon(file, key, payload, encoding)
         return _Undo(lambda: self.network._readers.remove(reader))
 
     def declare_token(self, key: str) -> Closable:
-        self.network._tokens[key] = self
+        token = (key, self)
+        self.network._tokens.append(token)
         self._tell(key, True)
-        return _Undo(lambda: self._drop_token(key))
+        return _Undo(lambda: self._drop_token(token))
 
-    def _drop_token(self, key: str) -> None:
-        if self.network._tokens.pop(key, None) is not None:
-            self._tell(key, False)
+    def _drop_token(self, token: tuple[str, MemoryLink]) -> None:
+        tokens = self.network._tokens
+        if token in tokens:
+            tokens.remove(token)
+            # Another process may have declared the same: who is there twice is there until both are gone.
+            if all(key != token[0] for key, _ in tokens):
+                self._tell(token[0], False)
 
     def _tell(self, key: str, there: bool) -> None:
         for _, expression, file in self.network._watchers:
@@ -134,19 +139,22 @@ class MemoryLink:
     def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
         entry = (self, key_expr, file)
         self.network._watchers.append(entry)
-        for key in self.network._tokens:
+        for key, _ in self.network._tokens:
             if matches(key_expr, key):
                 file(key, True)
         return _Undo(lambda: self.network._watchers.remove(entry))
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
-        self.network._answers[key] = file
-        return _Undo(lambda: self.network._answers.pop(key, None) and None)
+        entry = (key, self, file)
+        self.network._answers.append(entry)
+        return _Undo(lambda: self.network._answers.remove(entry))
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
         answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        file = self.network._answers.get(key)
-        if file is not None:
+        asked = [file for there, _, file in self.network._answers if there == key]
+        if not asked:
+            return None
+        for file in asked:
             file(_Question(payload, encoding, answer))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout):
@@ -157,8 +165,9 @@ class MemoryLink:
         """Leave the network, and take along what was kept and declared here, as a killed process would."""
         self.closed = True
         net = self.network
-        net._readers = [r for r in net._readers if r.link is not self]
-        net._watchers = [w for w in net._watchers if w[0] is not self]
+        net._readers[:] = [r for r in net._readers if r.link is not self]
+        net._watchers[:] = [w for w in net._watchers if w[0] is not self]
+        net._answers[:] = [a for a in net._answers if a[1] is not self]
         net._kept = {k: v for k, v in net._kept.items() if v[0] is not self}
-        for key in [k for k, link in net._tokens.items() if link is self]:
-            self._drop_token(key)
+        for token in [token for token in net._tokens if token[1] is self]:
+            self._drop_token(token)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import threading
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from typing import NamedTuple
 
 from muro_zenoh.errors import TransportError
@@ -43,15 +45,14 @@ class _Waiting:
         self._event.set()
 
     def _call(self, function: Callable[[], None]) -> None:
-        try:
+        with contextlib.suppress(RuntimeError):  # the loop is gone, and so is every reader
             self._loop.call_soon_threadsafe(function)
-        except RuntimeError:
-            self._closed = True  # the loop is gone, and so is every reader
 
     async def _wait(self) -> None:
         await self._event.wait()
-        self._event.clear()
-        if self._closed:
+        if not self._closed:
+            self._event.clear()
+        else:
             raise TransportError("the bus was closed while a task waited on it")
 
 
@@ -62,20 +63,30 @@ class Tap(_Waiting):
         super().__init__(loop)
         self.dropped = 0
         self._clock = clock
+        self._lock = threading.Lock()
         self._queue: deque[Sample] = deque(maxlen=depth)
+        self._awake = False
 
     def file(self, key: str, payload: bytes, encoding: str | None) -> None:
         """Take a sample from the middleware; from any thread."""
-        if len(self._queue) == self._queue.maxlen:
-            self.dropped += 1
-        self._queue.append(Sample(key, payload, encoding, self._clock.now()))
-        if len(self._queue) == 1:
+        with self._lock:
+            if len(self._queue) == self._queue.maxlen:
+                self.dropped += 1
+            self._queue.append(Sample(key, payload, encoding, self._clock.now()))
+            wake = not self._awake
+            self._awake = True
+        if wake:
             self._call(self._event.set)
 
-    async def __aiter__(self) -> AsyncIterator[Sample]:
+    def __aiter__(self) -> Tap:
+        return self
+
+    async def __anext__(self) -> Sample:
         while True:
-            while self._queue:
-                yield self._queue.popleft()
+            with self._lock:
+                if self._queue:
+                    return self._queue.popleft()
+                self._awake = False
             await self._wait()
 
 

@@ -254,19 +254,16 @@ class ZenohLink:
         if self._closed:
             return
         self._closed = True
-        closing = asyncio.ensure_future(asyncio.to_thread(self._session.close))
-        done, _ = await asyncio.wait({closing}, timeout=_CLOSE_TIMEOUT)
+        closing = asyncio.ensure_future(asyncio.to_thread(self._close_session))
+        try:
+            done, _ = await asyncio.wait({closing}, timeout=_CLOSE_TIMEOUT)
+        except asyncio.CancelledError:
+            # Half closed is worse than late: the thread cannot be stopped anyway.
+            await asyncio.wait({closing}, timeout=_CLOSE_TIMEOUT)
+            raise
         if not done:
             log.warning("Zenoh did not close its session within %g s; left to the process's end", _CLOSE_TIMEOUT)
 
-
-async def serve_router(settings: BusSettings) -> ZenohLink:
-    """A session in router mode: the embedded router.
-
-    Args:
-        settings: its ``listen`` endpoints are where the others connect.
-
-    Raises:
-        TransportError: an endpoint is taken, or the settings are refused.
-    """
-    return await ZenohLink.open(settings)
+    def _close_session(self) -> None:
+        with contextlib.suppress(zenoh.ZError):  # it may have gone already
+            self._session.close()

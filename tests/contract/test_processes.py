@@ -1,0 +1,167 @@
+"""What only real processes can show: freezes, kills, threads and files. Over Zenoh."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import AsyncExitStack
+
+import psutil
+import pytest
+import pytest_asyncio
+
+from muro_zenoh import channels
+from muro_zenoh.config import BusSettings
+from muro_zenoh.errors import NotConnected, TransportError
+from muro_zenoh.messages import Odometry
+from muro_zenoh.transport import Bus, open_bus
+from tests.contract.conftest import Zenoh
+from tests.support.process import CHILDREN, Process
+from tests.support.router import Router, free_port, router
+from tests.support.waiting import seconds, within
+
+STALE = channels.ODOMETRY.stale_after or 0.0
+
+
+@pytest_asyncio.fixture
+async def fleet(shared_router: Router) -> AsyncIterator[Zenoh]:
+    async with AsyncExitStack() as stack:
+        yield Zenoh(stack, shared_router)
+
+
+@pytest.fixture
+def reader(shared_router: Router, fleet: Zenoh) -> Iterator[Process]:
+    """A process that reads r1's odometry and says what it got."""
+    script = str(CHILDREN / "reader.py")
+    with Process([script, shared_router.endpoint, fleet.realm, "r1"], name="reader") as process:
+        process.ready()
+        yield process
+
+
+async def test_a_frozen_process_finds_its_backlog_stale(fleet: Zenoh, reader: Process) -> None:
+    bus = await fleet.open()
+    await within(5, bus.roster().until(lambda r: "r1" in r.of("base")), "the reader")
+    out = bus.publisher(channels.ODOMETRY, "r1")
+
+    async def send(duration: float) -> None:
+        end = time.monotonic() + duration
+        while time.monotonic() < end:
+            out.put(Odometry(x=0.0, y=0.0, theta=0.0, v=0.0, omega=0.0))
+            await asyncio.sleep(0.02)
+
+    await send(0.5)
+    reader.line("GOT")
+    reader.send(signal.SIGSTOP)
+    frozen = bus.clock.now()
+    await send(1.2)
+    thawed = bus.clock.now()
+    reader.send(signal.SIGCONT)
+    await send(0.5)
+    during, after = [], []
+    end = bus.clock.now() - 0.2
+    stamp = 0.0
+    while stamp < end:
+        _, _, at, age = (await asyncio.to_thread(reader.line, "GOT")).split()
+        stamp = float(at)
+        if frozen + 0.05 < stamp < thawed - 2 * STALE:
+            during.append(float(age))
+        elif stamp > thawed + 0.1:
+            after.append(float(age))
+    assert len(during) > 10
+    assert min(during) > STALE
+    assert after
+    assert sorted(after)[len(after) // 2] < STALE
+
+
+async def test_presence_ends_with_the_process(fleet: Zenoh, reader: Process) -> None:
+    bus = await fleet.open()
+    roster = bus.roster()
+    await within(5, roster.until(lambda r: r.of("base") == {"r1"}), "the reader")
+    began = time.monotonic()
+    reader.kill()
+    await within(2, roster.until(lambda r: not r.of("base")), "its end, long before the lease's")
+    assert time.monotonic() - began < seconds(1.0)
+
+
+async def test_a_writer_finds_readers_again_after_the_router_came_back() -> None:
+    with router() as running:
+        settings = running.settings()
+        async with open_bus(settings) as writer, open_bus(settings) as reader:
+            box = reader.latest(channels.ODOMETRY, "r1")
+            kept = reader.latest(channels.CIRCLE)
+            out = writer.publisher(channels.ODOMETRY, "r1")
+            await _flows(writer, out.put, box.next)
+            assert kept.get() is None
+            running.process.kill()
+            successor = Process([str(CHILDREN / "router.py"), running.endpoint], name="second router")
+            with successor:
+                successor.ready()
+                while box.get() is not None:
+                    box.forget("r1")
+                await _flows(writer, out.put, box.next)
+
+
+async def _flows(writer: Bus, put: object, take: object) -> None:
+    async def send() -> None:
+        while True:
+            put(Odometry(x=0.0, y=0.0, theta=0.0, v=0.0, omega=0.0))  # type: ignore[operator]
+            await asyncio.sleep(0.02)
+
+    sending = asyncio.create_task(send())
+    try:
+        await within(10, take(), "a message")  # type: ignore[operator]
+    finally:
+        sending.cancel()
+
+
+async def test_opening_and_closing_leaves_no_thread_and_no_file(shared_router: Router) -> None:
+    me = psutil.Process()
+
+    async def cycle() -> None:
+        async with open_bus(shared_router.settings("cycles")) as bus:
+            bus.every(channels.ODOMETRY, "*")
+            bus.publisher(channels.CIRCLE)
+
+    for _ in range(5):
+        await cycle()
+    threads, files = me.num_threads(), me.num_fds()
+    for _ in range(50):
+        await cycle()
+    assert me.num_threads() <= threads + 2
+    assert me.num_fds() <= files + 4
+
+
+async def test_no_router_is_said_with_what_to_do() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with pytest.raises(NotConnected, match=f"{endpoint}.*muro router"):
+        await within(8, _open(endpoint), "the refusal")
+
+
+async def test_an_open_that_finds_no_router_can_be_cancelled() -> None:
+    opening = asyncio.create_task(_open(f"tcp/127.0.0.1:{free_port()}"))
+    await asyncio.sleep(0.1)
+    opening.cancel()
+    began = time.monotonic()
+    with pytest.raises(asyncio.CancelledError):
+        await opening
+    assert time.monotonic() - began < seconds(1.0)
+
+
+async def test_a_taken_port_is_said(shared_router: Router) -> None:
+    settings = BusSettings(mode="router", connect=(), listen=(shared_router.endpoint,))
+    with pytest.raises(TransportError, match="Is the port taken"):
+        async with open_bus(settings):
+            pass
+
+
+async def test_a_refused_configuration_is_said() -> None:
+    with pytest.raises(TransportError, match=r"no-such-file\.json5"):
+        async with open_bus(BusSettings(config="no-such-file.json5")):
+            pass
+
+
+async def _open(endpoint: str) -> None:
+    async with open_bus(BusSettings(connect=(endpoint,))):
+        pass

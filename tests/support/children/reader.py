@@ -1,0 +1,23 @@
+"""Reads one robot's odometry and says ``GOT seq stamp age`` of each message: ``reader.py ENDPOINT REALM NAME``."""
+
+import sys
+
+from muro_zenoh import channels
+from muro_zenoh.config import BusSettings
+from muro_zenoh.runtime.process import ready, run_process
+from muro_zenoh.transport import open_bus
+
+
+async def read(endpoint: str, realm: str, name: str) -> None:
+    async with open_bus(BusSettings(realm=realm, connect=(endpoint,))) as bus:
+        odometry = bus.every(channels.ODOMETRY, name, depth=1024)
+        bus.announce("base", name)
+        ready("reader", name)
+        async for got in odometry:
+            print(  # noqa: T201 - a line for the test
+                "GOT", got.message.seq, got.message.stamp, got.age(bus.clock.now()), flush=True
+            )
+
+
+if __name__ == "__main__":
+    sys.exit(run_process(lambda: read(*sys.argv[1:]), "reader"))

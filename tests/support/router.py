@@ -1,0 +1,57 @@
+"""A real router process."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from muro_zenoh.config import BusSettings
+from tests.support.process import CHILDREN, Process
+
+_ATTEMPTS = 5
+
+
+@dataclass(frozen=True)
+class Router:
+    """A router that runs.
+
+    Attributes:
+        process: its process.
+        endpoint: where clients connect.
+    """
+
+    process: Process
+    endpoint: str
+
+    def settings(self, realm: str = "muro") -> BusSettings:
+        """Settings of a client of this router."""
+        return BusSettings(realm=realm, connect=(self.endpoint,))
+
+
+@contextlib.contextmanager
+def router() -> Iterator[Router]:
+    """A router on a free port of this machine, gone at the end of the block."""
+    for attempt in range(_ATTEMPTS):
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        process = Process([str(CHILDREN / "router.py"), endpoint], name="router")
+        try:
+            process.ready()
+        except AssertionError:
+            process.stop()
+            # Somebody took the port between our look and the router's: take another.
+            if attempt + 1 == _ATTEMPTS:
+                raise
+            continue
+        with process:
+            yield Router(process, endpoint)
+        return
+
+
+def free_port() -> int:
+    """A TCP port that nobody listened on a moment ago. Zenoh does not tell which port it got for 0."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port

@@ -1,0 +1,26 @@
+"""Waits of the tests, scaled by one factor: ``MURO_TEST_TIMEOUT_FACTOR`` (a slow machine sets 3, say)."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Awaitable
+from typing import Final, TypeVar
+
+T = TypeVar("T")
+
+FACTOR: Final = float(os.environ.get("MURO_TEST_TIMEOUT_FACTOR", "1"))
+
+
+def seconds(value: float) -> float:
+    """A time limit, scaled."""
+    return value * FACTOR
+
+
+async def within(limit: float, awaitable: Awaitable[T], what: str) -> T:
+    """The result of ``awaitable``, or an assertion that names ``what`` did not come within ``limit`` (scaled) [s]."""
+    try:
+        async with asyncio.timeout(seconds(limit)):
+            return await awaitable
+    except TimeoutError:
+        raise AssertionError(f"{what}: nothing within {seconds(limit):g} s") from None
