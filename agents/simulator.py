@@ -14,7 +14,7 @@ import sys
 import numpy as np
 
 from agents.base.base import run_base
-from agents.base.simulated import SimulatedWheels
+from agents.base.simulated import Floor, SimulatedWheels
 from muro_zenoh import channels
 from muro_zenoh.config import Camera, Scenario, load_scenario
 from muro_zenoh.estimation.wheel_model import WheelLimits
@@ -26,13 +26,7 @@ from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
 
-_STEP = 0.01
-"""The plant moves in steps of this [s] ..."""
-
-_MOST_STEPS = 20
-"""... and when it falls behind by more than so many, the rest is lost: better slow than ever later."""
-
-_TRUTH_STEPS = 2
+_TRUTH_PERIOD = 0.02
 _HEALTH_PERIOD = 1.0
 
 
@@ -59,45 +53,31 @@ class Room:
         self._bus = bus
         self._scenario = scenario
         self._seed = seed
-        self._commands = np.zeros((len(robots), 2))
-        self._wheels = {
-            name: SimulatedWheels(self.plant, self._commands, row) for row, name in enumerate(scenario.robot)
-        }
+        self._floor = Floor(self.plant, bus.clock)
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
-        self._late = 0
 
     async def run(self) -> None:
         """Run bases, plant and cameras."""
         async with asyncio.TaskGroup() as tasks:
-            for name, wheels in self._wheels.items():
+            for row, name in enumerate(self._scenario.robot):
+                wheels = SimulatedWheels(self._floor, row)
                 tasks.create_task(run_base(self._bus, name, wheels, self._bus.clock), name=f"base {name}")
-            tasks.create_task(self._move(), name="plant")
+            tasks.create_task(self._tell(), name="truth")
             for index, (name, camera) in enumerate(self._scenario.camera.items()):
                 tasks.create_task(self._film(name, camera, self._seed + index), name=f"camera {name}")
             tasks.create_task(self._report(), name="health")
 
-    async def _move(self) -> None:
+    async def _tell(self) -> None:
         loop = asyncio.get_running_loop()
         due = loop.time()
-        count = 0
         while True:
-            due += _STEP
-            now = loop.time()
-            if now - due > _MOST_STEPS * _STEP:
-                self._late += int((now - due) / _STEP)
-                due = now
-            await asyncio.sleep(due - now)
-            self.plant.step(self._commands, _STEP)
-            count += 1
-            if count % _TRUTH_STEPS == 0:
-                self._tell()
-
-    def _tell(self) -> None:
-        now = self._bus.clock.now()
-        rows = zip(self._truth, self.plant.pose.tolist(), self.plant.twist.tolist(), strict=True)
-        for publisher, (x, y, theta), (v, omega) in rows:
-            publisher.put(Truth(stamp=now, x=x, y=y, theta=theta, v=v, omega=omega))
+            due = max(due + _TRUTH_PERIOD, loop.time())
+            await asyncio.sleep(due - loop.time())
+            stamp = self._floor.catch_up()
+            rows = zip(self._truth, self.plant.pose.tolist(), self.plant.twist.tolist(), strict=True)
+            for publisher, (x, y, theta), (v, omega) in rows:
+                publisher.put(Truth(stamp=stamp, x=x, y=y, theta=theta, v=v, omega=omega))
 
     async def _film(self, name: str, camera: Camera, seed: int) -> None:
         hidden = self._scenario.simulation
@@ -120,7 +100,7 @@ class Room:
         while True:
             due = max(due + 1.0 / camera.rate, loop.time())
             await asyncio.sleep(due - loop.time())
-            captured, shot = self._bus.clock.now(), loop.time()
+            captured, shot = self._floor.catch_up(), loop.time()
             picture = lens.render(self.plant.pose, mounts, radii, rng)
             jpeg = camera.jpeg_quality > 0
             frame = Frame(
@@ -142,7 +122,7 @@ class Room:
             separation = {"min_separation_m": plant.min_separation} if math.isfinite(plant.min_separation) else {}
             numbers = {
                 "collisions": float(plant.contacts),
-                "lost_steps": float(self._late),
+                "lost_s": round(self._floor.lost, 3),
                 **separation,
                 **scales,
                 **self._bus.numbers(),

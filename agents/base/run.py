@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import numpy as np
 
 from agents.base.base import run_base
-from agents.base.simulated import SimulatedWheels
+from agents.base.simulated import Floor, SimulatedWheels
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.transport import open_bus
-
-_STEP = 0.01
 
 
 async def run_base_process(scenario: Scenario, name: str) -> None:
@@ -37,15 +33,7 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
     robot = scenario.robot[name]
     limits = WheelLimits(lag=scenario.simulation.lag, a_max=robot.a_max, alpha_max=robot.alpha_max, brake=robot.brake)
     plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=limits, drive_error=0.0, slip=0.0)
-    commands = np.zeros((1, 2))
-    async with open_bus(scenario.bus) as bus, asyncio.TaskGroup() as tasks:
+    async with open_bus(scenario.bus) as bus:
         bus.announce("base", name)
-        tasks.create_task(run_base(bus, name, SimulatedWheels(plant, commands, 0), bus.clock), name="base")
-        tasks.create_task(_move(plant, commands), name="plant")
         ready("base", name)
-
-
-async def _move(plant: Plant, commands: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
-    while True:
-        await asyncio.sleep(_STEP)
-        plant.step(commands, _STEP)
+        await run_base(bus, name, SimulatedWheels(Floor(plant, bus.clock), 0), bus.clock)
