@@ -1,0 +1,49 @@
+# make demo          five simulated robots on a circle, from a fresh clone
+# make test          the whole suite;  make test-fast leaves out what takes long
+# make check         lint, format, types, layers
+# make PYTHON=python3.12 ...   with another Python, 3.11 or newer
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PACKAGES := muro_zenoh agents basestation
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-fast check clean
+
+help:
+	@sed -n 's/^# //p' Makefile
+
+setup: $(VENV)/.for-tests
+
+demo: $(VENV)/.for-runs
+	$(BIN)/muro run pursuit
+
+test: $(VENV)/.for-tests
+	$(BIN)/python -m pytest
+
+test-fast: $(VENV)/.for-tests
+	$(BIN)/python -m pytest -m "not slow"
+
+check: $(VENV)/.for-tests
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find $(PACKAGES) tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# What a run needs. Bytecode is compiled now: thirteen processes start at once, and none of them should have to.
+$(VENV)/.for-runs: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "muro-zenoh needs Python 3.11 or newer, but $(PYTHON) is %d.%d; name another with make PYTHON=python3.12" % sys.version_info[:2])'
+	@$(PYTHON) -c 'import ensurepip, venv' || { echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[basestation,simulator]'
+	$(BIN)/python -m compileall -q $(PACKAGES)
+	@touch $@
+
+$(VENV)/.for-tests: $(VENV)/.for-runs
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
