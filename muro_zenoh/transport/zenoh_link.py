@@ -15,6 +15,7 @@ import contextlib
 import json
 import logging
 import os
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -44,6 +45,8 @@ _PRIORITY = {
 }
 
 _OPEN_TIMEOUT = 5.0
+_FIRST_PAUSE = 0.02
+_LONGEST_PAUSE = 0.2
 _CLOSE_TIMEOUT = 5.0
 
 
@@ -79,8 +82,9 @@ def _settings(settings: BusSettings) -> dict[str, Any]:
     if settings.connect:
         out["connect/endpoints"] = list(settings.connect)
     if settings.connect or settings.mode != "client":
-        # Keep trying for ever: a router that comes back is found again.
-        out["connect/timeout_ms"] = -1 if settings.mode != "client" else int(_OPEN_TIMEOUT * 1000)
+        # Peers and routers keep trying for ever in the background. A client's open() is one attempt, which we repeat:
+        # between two of them it can be cancelled. Once open, it looks for a router that went away for ever, too.
+        out["connect/timeout_ms"] = 0 if settings.mode == "client" else -1
         out["connect/exit_on_failure"] = settings.mode == "client"
         out["connect/retry"] = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
     if settings.listen or settings.mode == "peer":
@@ -136,6 +140,29 @@ def _brief(error: Exception) -> str:
     return str(error).splitlines()[0].split(" at /")[0].rstrip(".")
 
 
+async def _open_session(config: zenoh.Config) -> zenoh.Session:
+    opening = asyncio.ensure_future(asyncio.to_thread(zenoh.open, config))
+    try:
+        return await asyncio.shield(opening)
+    except asyncio.CancelledError:
+        # The thread cannot be stopped; what it opens must not stay open.
+        with contextlib.suppress(zenoh.ZError):
+            await asyncio.to_thread((await opening).close)
+        raise
+
+
+def _not_open(settings: BusSettings, error: zenoh.ZError) -> TransportError:
+    if settings.mode == "client":
+        return NotConnected(
+            f"no router answered at {', '.join(settings.connect) or 'any endpoint'} within {_OPEN_TIMEOUT:g} s "
+            f"({_brief(error)}). Start one with `muro router`, or name another with --connect"
+        )
+    return TransportError(
+        f"could not open a {settings.mode} on {', '.join(settings.listen) or 'no endpoint'}: "
+        f"{_brief(error)}. Is the port taken?"
+    )
+
+
 class ZenohLink:
     """A Zenoh session."""
 
@@ -145,7 +172,7 @@ class ZenohLink:
 
     @classmethod
     async def open(cls, settings: BusSettings) -> ZenohLink:
-        """Open a session, in a thread: it may wait for the router.
+        """Open a session. A client waits a while for its router.
 
         Args:
             settings: mode, endpoints and the rest.
@@ -155,25 +182,16 @@ class ZenohLink:
             TransportError: Zenoh refused the settings, or an endpoint to listen on is taken.
         """
         config = zenoh_config(settings)
-        opening = asyncio.ensure_future(asyncio.to_thread(zenoh.open, config))
-        try:
-            session = await asyncio.shield(opening)
-        except asyncio.CancelledError:
-            # The thread cannot be stopped; what it opens must not stay open.
-            with contextlib.suppress(Exception):
-                await asyncio.to_thread((await opening).close)
-            raise
-        except zenoh.ZError as error:
-            if settings.mode == "client":
-                raise NotConnected(
-                    f"no router answered at {', '.join(settings.connect) or 'any endpoint'} within {_OPEN_TIMEOUT:g} s "
-                    f"({_brief(error)}). Start one with `muro router`, or name another with --connect"
-                ) from error
-            raise TransportError(
-                f"could not open a {settings.mode} on {', '.join(settings.listen) or 'no endpoint'}: "
-                f"{_brief(error)}. Is the port taken?"
-            ) from error
-        return cls(session)
+        deadline = time.monotonic() + (_OPEN_TIMEOUT if settings.mode == "client" and settings.connect else 0.0)
+        pause = _FIRST_PAUSE
+        while True:
+            try:
+                return cls(await _open_session(config))
+            except zenoh.ZError as error:
+                if time.monotonic() + pause > deadline:
+                    raise _not_open(settings, error) from error
+            await asyncio.sleep(pause)
+            pause = min(2.0 * pause, _LONGEST_PAUSE)
 
     def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
         common: dict[str, Any] = {

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import signal
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack
+from pathlib import Path
 
 import psutil
 import pytest
@@ -126,11 +128,20 @@ async def test_opening_and_closing_leaves_no_thread_and_no_file(shared_router: R
 
     for _ in range(5):
         await cycle()
-    threads, files = me.num_threads(), me.num_fds()
+    threads, files = me.num_threads(), _files()
     for _ in range(50):
         await cycle()
     assert me.num_threads() <= threads + 2
-    assert me.num_fds() <= files + 4
+    assert _files() <= files + 2
+
+
+def _files() -> int:
+    """Open files. Not Zenoh's shared memory: each side keeps a small segment of others a while after they left."""
+    names = []
+    for number in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            names.append(number.readlink().as_posix())
+    return sum(not name.startswith("/dev/shm/") for name in names)
 
 
 async def test_no_router_is_said_with_what_to_do() -> None:
