@@ -60,10 +60,11 @@ class PassivityGains:
 
     Args:
         psi: passivity gain [1/(m^2 s)]. Too small overshoots for ever, too large creeps (seed 000, figures 1 to 3).
-            The loop linearised about the circle is critically damped at ``2 v / r^3``.
+            The loop linearised about the circle is critically damped at ``2 v / r^3``; from random starts about
+            0.6 of that is best, which is the default for 0.15 m/s on 0.6 m.
     """
 
-    psi: float = 1.0
+    psi: float = 0.8
 
     def __post_init__(self) -> None:
         _require_positive(self)
@@ -239,7 +240,12 @@ class CircleFunction(Protocol):
 
 
 class CircleLawKind(NamedTuple):
-    """A row of :data:`CIRCLE_LAWS`: the ``function`` and the type of its ``gains``."""
+    """A row of :data:`CIRCLE_LAWS`.
+
+    Args:
+        function: the law.
+        gains: the type of its gains.
+    """
 
     function: CircleFunction
     gains: type[Any]

@@ -82,8 +82,14 @@ def frenet_law(lateral: Scalar, dtheta: Scalar, curvature: Scalar, v: Scalar, ga
 
 
 class PathError(NamedTuple):
-    """Where a robot is relative to a path: ``s`` the way along it to the nearest point [m], ``lateral`` left of it [m],
-    ``dtheta`` heading minus the path's [rad], ``curvature`` of the path there [1/m]."""
+    """Where a robot is relative to a path.
+
+    Args:
+        s: the way along the path to its nearest point [m].
+        lateral: how far left of it the robot is [m].
+        dtheta: heading minus the path's there [rad, (-pi, pi]].
+        curvature: the path's there [1/m], to the left positive.
+    """
 
     s: float
     lateral: float
@@ -108,16 +114,39 @@ def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: fl
     return PathError(s, lateral, wrap_to_pi(pose.theta - there.theta), path.curvature_at(s))
 
 
+def is_off_path(error: PathError, lateral: float = 0.1, dtheta: float = 1.0) -> bool:
+    """Whether the robot is so far from the path that a new one should be planned from where it is.
+
+    Args:
+        error: where the robot is relative to the path.
+        lateral: offset from which on it is off the path [m].
+        dtheta: heading error from which on it is off the path [rad].
+    """
+    return abs(error.lateral) > lateral or abs(error.dtheta) > dtheta
+
+
 class Progress(NamedTuple):
-    """The memory of :func:`follow_path`: the way along the path ``s`` [m] and the speed asked for ``v`` [m/s]."""
+    """The memory of :func:`follow_path`.
+
+    Args:
+        s: the way along the path so far [m].
+        v: the speed asked for last [m/s].
+    """
 
     s: float = 0.0
     v: float = 0.0
 
 
 class FollowStep(NamedTuple):
-    """What :func:`follow_path` found: the ``twist`` to drive, the ``progress`` to hand in next time, where the robot is
-    relative to the path (``error``), the way ``to_go`` [m], and whether it has ``arrived``."""
+    """What :func:`follow_path` found.
+
+    Args:
+        twist: what to drive.
+        progress: to hand in next time.
+        error: where the robot is relative to the path.
+        to_go: the way left [m].
+        arrived: whether that is within the tolerance; the twist's speed is then 0.
+    """
 
     twist: Twist2
     progress: Progress

@@ -103,7 +103,12 @@ class GoToGoal:
 
 
 class WheelSpeeds(NamedTuple):
-    """``left`` and ``right`` wheel: m/s at the rim, or rad/s when divided by the wheel's radius."""
+    """Speeds of both wheels: m/s at the rim, or rad/s when divided by the wheel's radius.
+
+    Args:
+        left: the left wheel's.
+        right: the right wheel's.
+    """
 
     left: Any
     right: Any
@@ -167,7 +172,12 @@ class PidGains:
 
 
 class PidState(NamedTuple):
-    """The memory of :func:`pid_to_angle`: the integral's part of the turning rate [rad/s], and the last heading."""
+    """The memory of :func:`pid_to_angle`.
+
+    Args:
+        integral: the integral's part of the turning rate [rad/s].
+        theta: the heading measured last [rad]; None at first.
+    """
 
     integral: float = 0.0
     theta: float | None = None

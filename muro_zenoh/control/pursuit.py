@@ -217,7 +217,15 @@ def _gaps(way: Mapping[str, float], order: Sequence[str]) -> dict[str, float]:
 
 
 class RingRobot(NamedTuple):
-    """What pursuit knows of a robot: ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s], ``age`` of all four [s]."""
+    """What pursuit knows of a robot.
+
+    Args:
+        x: place [m, world].
+        y: place [m, world].
+        theta: heading [rad].
+        v: speed [m/s].
+        age: how old these are [s].
+    """
 
     x: float
     y: float

@@ -13,7 +13,14 @@ from muro_zenoh.planning.path import Path
 
 
 class Bounds(NamedTuple):
-    """The floor that robots may use: ``x_min``, ``x_max``, ``y_min``, ``y_max`` [m, world]."""
+    """The floor that robots may use, a rectangle.
+
+    Args:
+        x_min: left border [m, world].
+        x_max: right border [m, world].
+        y_min: lower border [m, world].
+        y_max: upper border [m, world].
+    """
 
     x_min: float
     x_max: float

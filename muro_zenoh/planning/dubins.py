@@ -34,7 +34,14 @@ _TURN: Final = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
 class Word(NamedTuple):
-    """A word with the sizes of its three pieces, in turning radii: arcs in rad, the straight as a multiple."""
+    """A word with the sizes of its three pieces, in turning radii: arcs in rad, the straight as a multiple.
+
+    Args:
+        word: one of :data:`WORDS`.
+        first: size of the first piece [-].
+        middle: size of the second [-].
+        last: size of the third [-].
+    """
 
     word: str
     first: float
@@ -199,7 +206,11 @@ def plan(start: Pose2, goal: Pose2, radius: float) -> Path:
 class WordArrays(NamedTuple):
     """All six words of many pairs, each of shape ``[..., 6]`` in the order of :data:`WORDS`, in turning radii.
 
-    A word that does not exist for a pair has a ``size`` of infinity.
+    Args:
+        size: the whole; infinite where a pair has no such word.
+        first: size of the first piece.
+        middle: size of the second; NaN where a pair has no such word.
+        last: size of the third.
     """
 
     size: Array

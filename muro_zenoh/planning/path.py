@@ -17,7 +17,12 @@ STRAIGHT = 1e-9
 
 
 class Segment(NamedTuple):
-    """A piece of a path: ``length`` [m], not below 0, and ``curvature`` [1/m], to the left positive, 0 straight on."""
+    """A piece of a path.
+
+    Args:
+        length: its length [m], not below 0.
+        curvature: its curvature [1/m], to the left positive, 0 straight on.
+    """
 
     length: float
     curvature: float

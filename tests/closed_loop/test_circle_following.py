@@ -36,10 +36,6 @@ def assert_on_circle(place: tuple[Array, Array, Array], circle: Circle) -> None:
     assert np.cos(theta - tangent).min() > 0.99
 
 
-def a_good(name: str) -> CircleLaw:
-    return circle_law(name, psi=0.7) if name == "passivity" else circle_law(name)
-
-
 def starts(count: int, seed: int) -> tuple[Array, Array, Array]:
     rng = np.random.default_rng(seed)
     return rng.uniform(0.0, 4.2, count), rng.uniform(0.0, 3.0, count), rng.uniform(-math.pi, math.pi, count)
@@ -51,7 +47,7 @@ def test_every_law_converges_from_random_starts_with_saturated_turning(
     name: str, seconds: float, clockwise: bool
 ) -> None:
     circle = Circle(2.1, 1.5, 0.6, clockwise)
-    assert_on_circle(drive(a_good(name), starts(200, 4), 0.15, circle, seconds), circle)
+    assert_on_circle(drive(circle_law(name), starts(200, 4), 0.15, circle, seconds), circle)
 
 
 @pytest.mark.parametrize("name", ["vector_field", "lqr"])
@@ -76,7 +72,7 @@ def test_converges_from_anywhere(
 def test_leaves_the_centre(name: str) -> None:
     circle = Circle(0.0, 0.0, 0.6)
     start = (np.zeros(8), np.zeros(8), np.arange(8) * math.pi / 4)
-    assert_on_circle(drive(a_good(name), start, 0.15, circle, 120.0), circle)
+    assert_on_circle(drive(circle_law(name), start, 0.15, circle, 120.0), circle)
 
 
 @pytest.mark.parametrize("name", ["vector_field", "lqr"])
@@ -108,7 +104,7 @@ def test_the_other_sign_of_the_passivity_law_diverges() -> None:
     x, y = x - 2.1, y - 1.5
     v = np.full_like(x, 0.15)
     for _ in range(round(60.0 / DT)):
-        plus = passivity(x, y, theta, v, circle, circle_law("passivity", psi=0.7).gains)
+        plus = passivity(x, y, theta, v, circle, circle_law("passivity").gains)
         omega = np.clip(2.0 * 0.15 / 0.6 - plus, -OMEGA_MAX, OMEGA_MAX)
         mid = theta + 0.5 * omega * DT
         x, y, theta = x + 0.15 * DT * np.cos(mid), y + 0.15 * DT * np.sin(mid), theta + omega * DT

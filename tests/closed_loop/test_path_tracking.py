@@ -16,6 +16,7 @@ from muro_zenoh.control.path_tracking import (
     TrackingGains,
     follow_path,
     frenet_law,
+    is_off_path,
     path_error,
 )
 from muro_zenoh.control.speed_profile import SpeedProfile
@@ -125,6 +126,18 @@ def test_far_from_the_path_it_turns_towards_it_and_not_back() -> None:
     _, steps = follow(path, Pose2(0.0, 3.0, 0.0), PROFILE)
     assert min(step.error.dtheta for step in steps) > -math.pi / 2
     assert abs(steps[-1].error.lateral) < 0.005
+
+
+def test_carried_off_the_path_it_says_so_and_a_new_plan_brings_it_to_the_goal() -> None:
+    goal = Pose2(1.5, 0.8, 1.0)
+    path = plan(Pose2(-1.5, 0.0, 0.0), goal, 0.3)
+    _, steps = follow(path, path.start, PROFILE)
+    assert not any(is_off_path(step.error) for step in steps)
+    halfway = steps[len(steps) // 2].progress
+    carried = path.pose_at(halfway.s).compose(Pose2(0.0, 0.3, 0.5))
+    assert is_off_path(path_error(path, carried, halfway.s))
+    end, _ = follow(plan(carried, goal, 0.3), carried, PROFILE)
+    assert end.distance_to(goal) < 0.02
 
 
 def test_where_a_path_crosses_itself_it_goes_on_along_it() -> None:
