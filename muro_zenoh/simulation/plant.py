@@ -11,6 +11,7 @@ import numpy as np
 
 from muro_zenoh.elementwise import ARRAYS, Array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
+from muro_zenoh.simulation.noise import gaussian
 from muro_zenoh.simulation.starts import random_starts
 
 __all__ = ["Plant", "random_starts"]
@@ -31,6 +32,7 @@ class Plant:
         slip: standard deviation of distance [m/sqrt(m)], of the angle turned [rad/sqrt(rad)] and of the heading over a
             distance [rad/sqrt(m)].
         count_contacts: whether to look at every pair of robots in every step; False for independent trials.
+        add_odometry: whether to add up the encoders' poses; their twists are there anyway.
 
     Raises:
         ValueError: for shapes that do not fit, or a drive error outside [0, 1).
@@ -46,6 +48,7 @@ class Plant:
         drive_error: float = 0.2,
         slip: float = 0.005,
         count_contacts: bool = True,
+        add_odometry: bool = True,
     ) -> None:
         starts = np.asarray(starts, dtype=np.float64)
         if starts.ndim != 2 or starts.shape[1] != 3:
@@ -61,11 +64,12 @@ class Plant:
         self._lag = limits.lag * both
         self._slip = slip
         # Row by row, x y theta of the truth and of what encoders of nominal wheels add up to: moved in one go.
-        self._state: Array = np.zeros((3, 2, n))
+        bodies = 2 if add_odometry else 1
+        self._state: Array = np.zeros((3, bodies, n))
         self._state[:, 0] = starts.T
         self._state[2, 0] = ARRAYS.wrap(self._state[2, 0])
         self._speeds: Array = np.zeros((2, n))
-        self._scales: Array = np.ones((2, 2, n))
+        self._scales: Array = np.ones((2, bodies, n))
         self._scales[:, 0] = rng.uniform(1.0 - drive_error, 1.0 + drive_error, (2, n))
         self.time: float = 0.0
         """Simulated time since the start [s]."""
@@ -106,7 +110,13 @@ class Plant:
 
     @property
     def odometry_pose(self) -> Array:
-        """What encoders of nominal wheels add up to since the start (N, 3), in the frame of the first pose. A view."""
+        """What encoders of nominal wheels add up to since the start (N, 3), in the frame of the first pose. A view.
+
+        Raises:
+            ValueError: when ``add_odometry`` was False.
+        """
+        if self._state.shape[1] == 1:
+            raise ValueError("the encoders' poses are not added up in this plant: add_odometry was False")
         return self._state[:, 1].T
 
     @property
@@ -129,7 +139,7 @@ class Plant:
         if self._slip > 0.0:
             spread = np.abs(moved[:, 0])
             spread[1] += spread[0]
-            moved[:, 0] += self._slip * np.sqrt(spread) * self._rng.standard_normal(spread.shape)
+            moved[:, 0] += self._slip * np.sqrt(spread) * gaussian(self._rng, 2, len(self))
         _advance(self._state, moved[0], moved[1])
         self._look()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 
 import numpy as np
@@ -10,9 +9,7 @@ import numpy as np
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation import ekf
 from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean
-from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
-
-_LOOK_AHEAD_STEP = 0.05
+from muro_zenoh.estimation.wheel_model import WheelLimits, follow
 
 
 class ArrayFilter:
@@ -28,22 +25,23 @@ class ArrayFilter:
 
     def __init__(self, first: Fix, settings: FilterSettings, wheels: WheelLimits) -> None:
         self._settings = settings
-        self._wheels = wheels
+        both = np.ones((2, 1))
+        self._grow, self._fall = both.copy(), both.copy()
+        self._grow[:, 0], self._fall[:, 0] = (wheels.a_max, wheels.alpha_max), (wheels.brake, wheels.alpha_brake)
+        self._lag = wheels.lag
         self.mean, self.cov = ekf.start(first, settings)
-        self._since: deque[tuple[Array, Array, float]] = deque()
-        n = len(first.x)
-        self._v, self._omega = np.zeros(n), np.zeros(n)
+        self._since: deque[tuple[Array, float]] = deque()
+        self._speeds: Array = np.zeros((2, len(first.x)))
 
-    def drove(self, v: Array, omega: Array, dt: float) -> None:
+    def drove(self, speeds: Array, dt: float) -> None:
         """Take in the wheels' speeds after another ``dt``.
 
         Args:
-            v: forward speed of the nominal wheels (N,) [m/s].
-            omega: turning speed of the nominal wheels (N,) [rad/s].
+            speeds: of the nominal wheels (2, N): v [m/s], omega [rad/s].
             dt: since the last call, or since the first fix [s].
         """
-        self._since.append((0.5 * (self._v + v), 0.5 * (self._omega + omega), dt))
-        self._v, self._omega = v, omega
+        self._since.append((0.5 * (self._speeds + speeds), dt))
+        self._speeds = speeds
 
     def fix(self, fix: Fix, since_last: float) -> Array:
         """Take in the fixes captured ``since_last`` after the ones before.
@@ -58,7 +56,7 @@ class ArrayFilter:
         stretch = ekf.begin(self.mean)
         left = since_last
         while left > 1e-9:
-            v, omega, dt = self._since.popleft()
+            (v, omega), dt = self._since.popleft()
             stretch = ekf.drive(stretch, self.mean, v, omega, dt, self._settings)
             left -= dt
         mean, cov = ekf.predict(self.mean, self.cov, stretch, self._settings)
@@ -74,28 +72,26 @@ class ArrayFilter:
             self.cov = Covariance(*(np.where(passed, a, b) for a, b in zip(used_cov, cov, strict=True)))
         return taken
 
-    def ahead(self, v_cmd: Array, omega_cmd: Array, horizon: float) -> tuple[Array, Array, Array, Array, Array]:
+    def ahead(self, command: Array, horizon: float) -> tuple[Array, Array, Array, Array, Array]:
         """Pose and true speeds ``horizon`` from now, under the command in force.
 
         Args:
-            v_cmd: commanded forward speed (N,) [m/s].
-            omega_cmd: commanded turning speed (N,) [rad/s].
-            horizon: how far ahead [s].
+            command: in force (2, N): v [m/s], omega [rad/s].
+            horizon: how far ahead [s]; the speeds are taken as linear within it.
 
         Returns:
             x, y [m, world], theta [rad], v [m/s], omega [rad/s], each (N,).
         """
         mean = self.mean
+        scales = np.stack((mean.s_v, mean.s_omega))
         x, y, theta = mean.x, mean.y, mean.theta
-        for v, omega, dt in self._since:
-            x, y, theta = ekf.carry(x, y, theta, mean.s_v * v, mean.s_omega * omega, dt)
-        v0, omega0 = self._v, self._omega
-        steps = math.ceil(horizon / _LOOK_AHEAD_STEP - 1e-9)
-        for _ in range(steps):
-            dt = horizon / steps
-            v, omega = step_wheels(v0, omega0, v_cmd, omega_cmd, self._wheels, dt)
-            x, y, theta = ekf.carry(
-                x, y, theta, mean.s_v * (0.5 * (v0 + v)), mean.s_omega * (0.5 * (omega0 + omega)), dt
-            )
-            v0, omega0 = v, omega
-        return x, y, theta, mean.s_v * v0, mean.s_omega * omega0
+        for speeds, dt in self._since:
+            v, omega = scales * speeds
+            x, y, theta = ekf.carry(x, y, theta, v, omega, dt)
+        then = self._speeds
+        if horizon > 0.0:
+            then = follow(self._speeds, command, self._grow, self._fall, self._lag, horizon)
+            v, omega = scales * (0.5 * (self._speeds + then))
+            x, y, theta = ekf.carry(x, y, theta, v, omega, horizon)
+        v, omega = scales * then
+        return x, y, theta, v, omega
