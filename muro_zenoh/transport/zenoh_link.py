@@ -31,6 +31,8 @@ _ONE_THREAD = (
 )
 if os.environ.get("MURO_ROUTER") != "1":
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
+elif os.environ.get("ZENOH_RUNTIME") == _ONE_THREAD:
+    del os.environ["ZENOH_RUNTIME"]  # inherited from a process that is no router, not somebody's wish
 
 import zenoh  # noqa: E402 - after its environment
 import zenoh.ext  # noqa: E402
