@@ -1,0 +1,290 @@
+"""The score sheet against numbers worked out by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from muro_zenoh.cli.live import gaps_ahead
+from muro_zenoh.cli.score import (
+    Calibrated,
+    Observed,
+    Sample,
+    percentile,
+    radius_error,
+    score_sheet,
+    settle_time,
+    spacing_error,
+)
+from muro_zenoh.config import Checks
+from muro_zenoh.geometry import Circle
+
+CIRCLE = Circle(1.0, -0.5, 0.8)
+ALL_CHECKS = Checks(
+    settle_time=40.0,
+    radius_error_p95=0.03,
+    spacing_error_p95=0.10,
+    fix_rate=19.0,
+    pose_age_p99=0.15,
+    collisions=0,
+)
+
+
+def at(angle: float, radius: float = 0.8, circle: Circle = CIRCLE) -> tuple[float, float]:
+    return circle.x + radius * math.cos(angle), circle.y + radius * math.sin(angle)
+
+
+def ring(*angles: float, radius: float = 0.8) -> dict[str, tuple[float, float]]:
+    return {f"r{i + 1}": at(angle, radius) for i, angle in enumerate(angles)}
+
+
+def moments(*spans: tuple[float, float, bool]) -> list[tuple[float, bool]]:
+    """Ten a second, from the first time up to and without the second."""
+    return [(k / 10, well) for begin, end, well in spans for k in range(round(10 * begin), round(10 * end))]
+
+
+# ---- one sample
+
+
+@pytest.mark.parametrize(("radius", "error"), [(0.8, 0.0), (0.83, 0.03), (0.7, 0.1), (0.0, 0.8)])
+def test_the_radius_error_is_the_distance_from_the_line(radius: float, error: float) -> None:
+    assert radius_error(at(2.0, radius), CIRCLE) == pytest.approx(error)
+
+
+@pytest.mark.parametrize(
+    ("angles", "error"),
+    [
+        ((0.3, 0.3 + math.pi), 0.0),
+        ((0.0, math.pi / 2), math.pi / 2),
+        ((0.0, 2 * math.pi / 3 + 0.06, 4 * math.pi / 3), 0.06),
+        ((3.1, 3.1 + 2 * math.pi / 3, 3.1 + 4 * math.pi / 3), 0.0),
+        ((1.0, 1.0, 1.0), 2 * math.pi - 2 * math.pi / 3),
+        ((2.2,), 0.0),
+        ((), 0.0),
+    ],
+)
+def test_the_spacing_error_is_the_worst_gap_s(angles: tuple[float, ...], error: float) -> None:
+    assert spacing_error(ring(*angles), CIRCLE) == pytest.approx(error, abs=1e-9)
+
+
+@given(st.lists(st.floats(-math.pi, math.pi), min_size=2, max_size=8))
+def test_the_spacing_error_is_the_same_seen_in_a_mirror(angles: list[float]) -> None:
+    mirrored = spacing_error(ring(*(-a for a in angles)), CIRCLE)
+    assert spacing_error(ring(*angles), CIRCLE) == pytest.approx(mirrored, abs=1e-6)
+
+
+def test_the_gap_ahead_follows_the_direction_of_travel() -> None:
+    places = ring(0.0, 1.0, 3.0)
+    gaps = gaps_ahead(places, CIRCLE)
+    assert [gaps[f"r{i}"] for i in (1, 2, 3)] == pytest.approx([1.0, 2.0, 2 * math.pi - 3.0])
+    gaps = gaps_ahead(places, CIRCLE._replace(clockwise=True))
+    assert [gaps[f"r{i}"] for i in (1, 2, 3)] == pytest.approx([2 * math.pi - 3.0, 1.0, 2.0])
+    assert gaps_ahead(ring(0.5), CIRCLE) == {"r1": 2 * math.pi}
+
+
+# ---- settling
+
+
+@pytest.mark.parametrize(
+    ("spans", "settled"),
+    [
+        ([(0.0, 10.0, True)], 0.0),
+        ([(0.0, 7.0, False), (7.0, 60.0, True)], 7.0),
+        ([(0.0, 7.0, False), (7.0, 11.9, True), (11.9, 12.0, False), (12.0, 60.0, True)], 12.0),
+        ([(0.0, 7.0, False), (7.0, 12.1, True), (12.1, 60.0, False)], 7.0),  # five seconds are enough
+        ([(0.0, 7.0, False), (7.0, 12.0, True), (12.0, 60.0, False)], None),  # 4.9 s from first to last are not
+        ([(0.0, 58.0, False), (58.0, 60.0, True)], None),
+        ([(0.0, 4.0, True), (7.0, 9.0, True)], None),  # nobody looked from 4 to 7 s
+        ([], None),
+    ],
+)
+def test_settled_is_the_first_five_good_seconds(spans: list[tuple[float, float, bool]], settled: float | None) -> None:
+    assert settle_time(moments(*spans)) == settled
+
+
+# ---- percentiles
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.sampled_from([0, 50, 95, 99, 100]))
+def test_percentiles_are_numpy_s(values: list[float], percent: int) -> None:
+    assert percentile(values, percent) == pytest.approx(float(np.percentile(values, percent)), abs=1e-9)
+
+
+def test_a_percentile_of_nothing_is_not_known() -> None:
+    assert percentile([], 50) is None
+
+
+# ---- the sheet
+
+
+def observed(**changes: Any) -> Observed:
+    """60 s of three robots: 20 s off the circle and bunched, then 0.01 m off and evenly spread but for 0.02 rad."""
+    third = 2 * math.pi / 3
+    samples = [Sample(k / 10, ring(0.0, 0.5, 1.0, radius=1.0), CIRCLE) for k in range(200)]
+    samples += [
+        Sample(k / 10, ring(k / 40, k / 40 + third + 0.02, k / 40 + 2 * third, radius=0.81), CIRCLE)
+        for k in range(200, 601)
+    ]
+    seen: dict[str, Any] = {
+        "scenario": "pursuit",
+        "robots": ("r1", "r2", "r3"),
+        "duration": 60.0,
+        "seed": 4,
+        "samples": samples,
+        "pose_age": [k / 1000 for k in range(101)],
+        "pose_to_command": [0.001, 0.003],
+        "fix_rate": {"r1": 20.0, "r2": 19.5, "r3": 19.9},
+        "collisions": 0,
+        "min_separation": 0.41,
+        "calibration": {"r1": Calibrated(1.05, 0.9, 0.98, 1.1)},
+        "calibration_error_10s": {"r1": 0.04},
+        "restarts": 0,
+        "processes": {"r1": {"cpu_percent": 3.1, "rss_mb": 40.0}},
+    }
+    return Observed(**{**seen, **changes})
+
+
+def test_a_good_run_s_sheet() -> None:
+    sheet = score_sheet(observed(), ALL_CHECKS)
+    assert sheet["robots"] == 3
+    assert sheet["settle_time_s"] == 20.0
+    assert sheet["radius_error_m"] == pytest.approx({"p50": 0.01, "p95": 0.01, "max": 0.01})
+    assert sheet["radius_error_by_robot_m"]["r2"]["p95"] == pytest.approx(0.01)
+    assert sheet["spacing_error_rad"] == pytest.approx({"p50": 0.02, "p95": 0.02, "max": 0.02})
+    assert sheet["truth_known"] == 1.0
+    assert sheet["pose_age_ms"] == pytest.approx({"p50": 50.0, "p99": 99.0})
+    assert sheet["pose_to_command_ms"] == pytest.approx({"p50": 2.0, "p99": 2.98})
+    # cal0: 1.05 * 0.98 = 1.029; calD: 0.9 * 1.1 = 0.99
+    assert sheet["calibration"]["r1"] == pytest.approx(
+        {"cal0": 1.05, "calD": 0.9, "true_cal0": 1.0204, "true_calD": 0.9091, "error": 0.029, "error_after_10s": 0.04}
+    )
+    assert sheet["calibration"]["r2"]["error"] is None
+    assert all(check["passed"] for check in sheet["checks"].values())
+    assert set(sheet["checks"]) == {f.removesuffix("_s") for f in Checks.__struct_fields__} - {"window"}
+    assert sheet["passed"] is True
+
+
+def test_the_window_is_the_last_seconds() -> None:
+    sheet = score_sheet(observed(), Checks(window=50.0))
+    # 101 of 501 samples of the last 50 s are of the time before 20 s: 0.2 m off, a gap of 2 pi - 1 instead of a third
+    assert sheet["radius_error_m"] == pytest.approx({"p50": 0.01, "p95": 0.2, "max": 0.2})
+    assert sheet["spacing_error_rad"]["max"] == pytest.approx(4 * math.pi / 3 - 1.0, abs=1e-5)
+    assert sheet["checks"] == {}
+    assert sheet["passed"] is True
+
+
+@pytest.mark.parametrize(
+    ("check", "changes"),
+    [
+        ("settle_time", {"samples": [Sample(k / 10, ring(0.0, 1.0, 2.0), CIRCLE) for k in range(601)]}),
+        ("spacing_error_p95", {"samples": [Sample(k / 10, ring(0.0, 1.0, 2.0), CIRCLE) for k in range(601)]}),
+        (
+            "radius_error_p95",
+            {"samples": [Sample(k / 10, ring(0.0, 2.1, 4.2, radius=0.84), CIRCLE) for k in range(601)]},
+        ),
+        ("fix_rate", {"fix_rate": {"r1": 20.0, "r2": 18.9, "r3": 20.0}}),
+        ("fix_rate", {"fix_rate": {"r1": 20.0, "r2": 20.0}}),
+        ("pose_age_p99", {"pose_age": [0.2] * 10}),
+        ("pose_age_p99", {"pose_age": []}),
+        ("collisions", {"collisions": 1}),
+        ("collisions", {"collisions": None}),
+        ("radius_error_p95", {"samples": []}),
+    ],
+)
+def test_a_check_that_is_not_met_fails_the_run(check: str, changes: dict[str, Any]) -> None:
+    sheet = score_sheet(observed(**changes), ALL_CHECKS)
+    assert sheet["checks"][check]["passed"] is False
+    assert sheet["passed"] is False
+
+
+def test_one_robot_off_the_circle_is_not_hidden_by_many_on_it() -> None:
+    names = tuple(f"r{i + 1}" for i in range(30))
+    places = {name: at(2 * math.pi * i / 30, 0.9 if i == 0 else 0.8) for i, name in enumerate(names)}
+    samples = [Sample(k / 10, places, CIRCLE) for k in range(601)]
+    sheet = score_sheet(observed(robots=names, samples=samples), ALL_CHECKS)
+    assert sheet["radius_error_m"]["p95"] == pytest.approx(0.0)
+    assert sheet["checks"]["radius_error_p95"]["value"] == pytest.approx(0.1)
+    assert sheet["settle_time_s"] is None
+
+
+def test_a_robot_whose_truth_is_not_known_is_not_settled() -> None:
+    even = ring(0.0, 2 * math.pi / 3, 4 * math.pi / 3)
+    without = {name: place for name, place in even.items() if name != "r2"}
+    samples = [Sample(k / 10, without if k < 300 else even, CIRCLE) for k in range(601)]
+    sheet = score_sheet(observed(samples=samples), ALL_CHECKS)
+    assert sheet["settle_time_s"] == 30.0
+    assert sheet["truth_known"] == pytest.approx((2 * 300 + 3 * 301) / (3 * 601), abs=1e-4)
+
+
+def test_robots_on_the_circle_that_need_not_spread() -> None:
+    samples = [Sample(k / 10, ring(0.0, 0.1, 0.2), CIRCLE) for k in range(601)]
+    sheet = score_sheet(observed(samples=samples, spreads=False), Checks(settle_time=40.0))
+    assert sheet["settle_time_s"] == 0.0
+    assert sheet["spacing_error_rad"] == {"p50": None, "p95": None, "max": None}
+    assert sheet["passed"] is True
+
+
+def test_robots_that_stand_still_have_no_radius_error() -> None:
+    sheet = score_sheet(observed(follows_circle=False, spreads=False), Checks())
+    assert sheet["settle_time_s"] is None
+    assert sheet["radius_error_m"] == {"p50": None, "p95": None, "max": None}
+    assert sheet["passed"] is True
+
+
+def test_a_circle_that_is_changed_counts_from_then_on() -> None:
+    wider = CIRCLE._replace(radius=1.0)
+    third = 2 * math.pi / 3
+    before = [Sample(k / 10, ring(0.0, third, 2 * third), CIRCLE) for k in range(500)]
+    after = [Sample(k / 10, ring(0.0, third, 2 * third, radius=1.0), wider) for k in range(500, 601)]
+    sheet = score_sheet(observed(samples=before + after), ALL_CHECKS)
+    assert sheet["radius_error_m"]["max"] == pytest.approx(0.0, abs=1e-9)
+    assert sheet["settle_time_s"] == 0.0
+
+
+@pytest.mark.parametrize("ended", ["interrupted", "failed"])
+def test_a_run_that_ended_early_has_not_passed(ended: str) -> None:
+    sheet = score_sheet(observed(ended=ended), ALL_CHECKS)
+    assert all(check["passed"] for check in sheet["checks"].values())
+    assert sheet["passed"] is False
+
+
+# ---- the page
+
+
+def test_the_page_defines_every_key_and_no_other() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scoresheet.md").read_text()
+    defined = re.findall(r"^\| `([^`]+)` \|", page.split("The checks, set in")[0], re.MULTILINE)
+    sheet = json.loads(json.dumps(score_sheet(observed(), ALL_CHECKS)))
+    assert len(defined) == len(set(defined))
+    assert set(defined) == set(keys_of(sheet))
+
+
+def test_the_page_defines_every_check() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scoresheet.md").read_text()
+    defined = re.findall(r"^\| `([^`]+)` \|", page.split("The checks, set in")[1], re.MULTILINE)
+    assert sorted(defined) == sorted(score_sheet(observed(), ALL_CHECKS)["checks"])
+
+
+def keys_of(table: dict[str, Any], path: str = "") -> Iterator[str]:
+    names = {
+        "radius_error_by_robot_m": "<robot>",
+        "fix_rate_hz": "<robot>",
+        "calibration": "<robot>",
+        "processes": "<process>",
+        "checks": "<check>",
+    }
+    for key, value in table.items():
+        here = f"{path}.{names.get(path, key)}" if path else key
+        if isinstance(value, dict):
+            yield from keys_of(value, here)
+        else:
+            yield here
