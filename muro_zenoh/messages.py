@@ -10,7 +10,9 @@ A value of a wrong type, an unknown or a missing field, NaN and the infinities m
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
+from operator import attrgetter
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
@@ -46,8 +48,13 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     epoch: Annotated[int, Meta(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        for field in _float_fields(type(self)):
-            _require_finite(field, getattr(self, field))
+        floats, others = _float_fields(type(self))
+        # One sum says it for all; only where it is not finite, the field is looked for.
+        if not math.isfinite(sum(floats(self))):
+            for field in msgspec.structs.fields(type(self)):
+                _require_finite(field.name, getattr(self, field.name))
+        for name in others:
+            _require_finite(name, getattr(self, name))
 
 
 class Frame(Message, frozen=True, kw_only=True):
@@ -373,14 +380,24 @@ def _decoder(kind: type[M]) -> msgspec.msgpack.Decoder[M]:
 
 
 @cache
-def _float_fields(kind: type[Message]) -> tuple[str, ...]:
-    """The fields that may hold floats; whole numbers and text cannot be NaN."""
-    harmless = (int, str, bytes, bool)
-    return tuple(f.name for f in msgspec.structs.fields(kind) if _plain(f.type) not in harmless)
+def _float_fields(kind: type[Message]) -> tuple[Callable[[Message], tuple[float, ...]], tuple[str, ...]]:
+    """A getter of the plain floats, and the other fields that may hold floats; whole numbers and text cannot be NaN."""
+    fields = {f.name: _plain(f.type) for f in msgspec.structs.fields(kind)}
+    floats = [name for name, plain in fields.items() if plain is float]
+    others = tuple(name for name, plain in fields.items() if plain not in (float, int, str, bytes, bool))
+    # Twice the stamp: an attrgetter of one name gives no tuple.
+    return attrgetter(*floats, "stamp"), others
 
 
 def _plain(annotation: Any) -> Any:
     return getattr(annotation, "__origin__", annotation) if hasattr(annotation, "__metadata__") else annotation
+
+
+def _sum(values: tuple[Any, ...]) -> float:
+    try:
+        return float(sum(values))
+    except TypeError:
+        return math.nan  # not floats alone
 
 
 def _require_finite(field: str, value: Any) -> None:
@@ -388,6 +405,9 @@ def _require_finite(field: str, value: Any) -> None:
         if not math.isfinite(value):
             raise ValueError(f"{field}: got {value}, expected a finite number")
     elif isinstance(value, tuple):
+        # A covariance, mostly: nine floats in one sum.
+        if value and type(value[0]) is float and math.isfinite(_sum(value)):
+            return
         for item in value:
             _require_finite(field, item)
     elif isinstance(value, dict):
