@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import Pose2
+from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.planning.dubins import WORDS, Word, all_words, path_of
 from muro_zenoh.planning.path import Path
 
@@ -143,4 +144,36 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
         else:
             return path
     assert refused is not None  # LSL and RSR always exist
+    raise refused
+
+
+def plan_after_turn(
+    start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0, step: float = math.pi / 12
+) -> Path:
+    """The path inside the arena after the least turn on the spot that makes one possible.
+
+    A robot close to a wall and facing it can drive no Dubins path at all; a unicycle can turn first. The path starts in
+    the heading to turn to, ``path.start.theta``, which is the robot's own when no turn is needed.
+
+    Args:
+        start: where the robot is [world].
+        goal: where the path ends [world].
+        radius: the turning radius [m], above 0.
+        bounds: the arena.
+        margin: distance that the robot's middle keeps from the walls [m].
+        step: turns are tried in multiples of this, to the left and to the right [rad].
+
+    Raises:
+        PlanningError: the goal is outside, or no heading will do, as for a goal near a wall with a heading that only
+            a path through the wall can have; the message is that without a turn.
+    """
+    refused: PlanningError | None = None
+    for k in range(math.floor(math.pi / step + 1e-9) + 1):
+        for side in (1.0, -1.0) if k else (0.0,):
+            turned = start if k == 0 else Pose2(start.x, start.y, wrap_to_pi(start.theta + side * k * step))
+            try:
+                return plan_inside(turned, goal, radius, bounds, margin)
+            except PlanningError as error:
+                refused = refused or error
+    assert refused is not None
     raise refused

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from muro_zenoh.elementwise import Array
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import Pose2, wrap_to_pi
-from muro_zenoh.planning.arena import Bounds, plan_inside, require_goal_inside, require_path_inside
+from muro_zenoh.planning.arena import Bounds, plan_after_turn, plan_inside, require_goal_inside, require_path_inside
 from muro_zenoh.planning.dubins import WORDS, all_words, plan, shortest_word
 from muro_zenoh.planning.goal_heading import goal_heading, goal_pose
 from muro_zenoh.planning.path import Path, Segment
@@ -213,6 +213,29 @@ def test_plan_inside_keeps_inside_and_is_the_shortest_when_that_does(start: Pose
 def test_a_start_too_near_a_wall_may_come_away_from_it() -> None:
     path = plan_inside(Pose2(2.05, 0.0, math.pi), Pose2(0.0, 0.0, math.pi), RADIUS, ARENA, margin=0.2)
     assert path.length == pytest.approx(2.05)
+
+
+def test_facing_a_wall_it_turns_on_the_spot_no_more_than_it_must() -> None:
+    start, goal = Pose2(0.0, 1.4, 1.2), Pose2(0.0, -0.5, -math.pi / 2)
+    with pytest.raises(PlanningError):
+        plan_inside(start, goal, RADIUS, ARENA)
+    path = plan_after_turn(start, goal, RADIUS, ARENA)
+    require_path_inside(path, ARENA)
+    assert_same(path.end, goal, 1e-9)
+    turned = wrap_to_pi(path.start.theta - start.theta)
+    assert path.start[:2] == start[:2]
+    for less in np.arange(-abs(turned), abs(turned), math.pi / 12)[1:].tolist():
+        with pytest.raises(PlanningError):
+            plan_inside(Pose2(0.0, 1.4, wrap_to_pi(1.2 + less)), goal, RADIUS, ARENA)
+    free = Pose2(0.0, 0.0, 1.2)
+    assert plan_after_turn(free, goal, RADIUS, ARENA).start == free
+
+
+def test_no_turn_helps_a_goal_that_only_a_path_through_the_wall_reaches() -> None:
+    with pytest.raises(PlanningError, match=r"from \(0\.000, 0\.000\)"):
+        plan_after_turn(Pose2(0.0, 0.0, 0.0), Pose2(0.0, 1.45, -math.pi / 2), RADIUS, ARENA)
+    with pytest.raises(PlanningError, match="outside the arena"):
+        plan_after_turn(Pose2(0.0, 0.0, 0.0), Pose2(0.0, 2.0, 0.0), RADIUS, ARENA)
 
 
 @given(pose=POSES, x=COORDINATE, y=COORDINATE)
