@@ -1,0 +1,85 @@
+"""Listening to any key for a while."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import math
+import time
+from collections import defaultdict
+from collections.abc import Callable
+
+import click
+
+from muro_zenoh.transport import Bus, Sample
+
+
+async def listen_to(
+    bus: Bus,
+    expression: str,
+    take: Callable[[Sample], bool | None],
+    seconds: float | None,
+    beside: asyncio.Task[None] | None = None,
+) -> None:
+    """Hand over samples until ``take`` returns true, the time is over, or a task beside fails.
+
+    Args:
+        bus: the bus.
+        expression: which keys.
+        take: called with each sample.
+        seconds: how long; None for ever.
+        beside: a task that goes on meanwhile.
+    """
+    tap = bus.tap(expression)
+
+    async def listen() -> None:
+        async for sample in tap:
+            if take(sample):
+                return
+
+    listening = asyncio.create_task(listen())
+    tasks = {listening, beside} if beside is not None else {listening}
+    try:
+        done, _ = await asyncio.wait(tasks, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            await task
+    finally:
+        listening.cancel()
+        tap.close()
+
+
+async def print_rates(bus: Bus, expression: str, seconds: float | None) -> None:
+    """Print once a second how often each key is written to.
+
+    Args:
+        bus: the bus.
+        expression: which keys.
+        seconds: how long; None for ever.
+    """
+    arrivals: defaultdict[str, list[float]] = defaultdict(list)
+
+    async def report() -> None:
+        while True:
+            await asyncio.sleep(1.0)
+            _print_rates(arrivals)
+
+    reporting = asyncio.create_task(report())
+    try:
+        await listen_to(bus, expression, lambda s: arrivals[s.key].append(s.arrival), seconds, reporting)
+    finally:
+        reporting.cancel()
+
+
+def _print_rates(arrivals: dict[str, list[float]]) -> None:
+    """Print the rate of each key, and forget all but its newest arrival."""
+    stamp = time.strftime("%H:%M:%S")
+    for key in sorted(arrivals):
+        times = arrivals[key]
+        waits = [b - a for a, b in itertools.pairwise(times)]
+        if waits:
+            rate = len(waits) / (times[-1] - times[0]) if times[-1] > times[0] else math.inf
+            least, most = 1e3 * min(waits), 1e3 * max(waits)
+            click.echo(f"{stamp} {key}  {rate:.1f} Hz  {len(waits)} new, waits {least:.1f} to {most:.1f} ms")
+            del times[:-1]
+        else:
+            click.echo(f"{stamp} {key}  nothing new")
