@@ -19,7 +19,7 @@ from basestation.localization.localizer import Localizer
 from basestation.localization.markers import TagDetector
 from muro_zenoh import channels
 from muro_zenoh.config import Camera, Scenario, load_scenario
-from muro_zenoh.errors import MessageError
+from muro_zenoh.errors import ConfigError, MessageError
 from muro_zenoh.messages import Clear, FleetSnapshot, Frame, Health, Message, PoseFix, Reply
 from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.transport import Bus, Received, open_bus
@@ -88,6 +88,7 @@ class Station:
     async def _watch(self, name: str, camera: Camera) -> None:
         frames = self._bus.latest(channels.CAMERA, name)
         localizer = self._localizers[name]
+        bad = False
         async for frame in frames:
             if frame.age(self._bus.clock.now()) > (channels.CAMERA.stale_after or 0.0):
                 continue  # a picture of the past is no place of the present
@@ -95,7 +96,11 @@ class Station:
                 self._locate(name, camera, localizer, frame)
             except MessageError as error:
                 self._bad_frames += 1
-                log.warning("camera %s: dropped a frame: %s", name, error)
+                if not bad:
+                    log.warning("camera %s: dropped a frame: %s (said once until a good one comes)", name, error)
+                bad = True
+            else:
+                bad = False
 
     def _locate(self, name: str, camera: Camera, localizer: Localizer, frame: Received[Frame]) -> None:
         m = frame.message
@@ -169,22 +174,33 @@ class Station:
         while True:
             alive = self._roster.of("agent")
             missing = [name for name in self._scenario.robots if name not in alive]
-            unknown = {tag for localizer in self._localizers.values() for tag in localizer.unknown_tags}
-            doubled = {tag for localizer in self._localizers.values() for tag in localizer.duplicate_tags}
             reasons = [f"no agent of {name}" for name in missing]
-            reasons += [f"tag {tag} is seen, and no robot has it" for tag in sorted(unknown)]
-            reasons += [f"tag {tag} is seen twice" for tag in sorted(doubled)]
+            for camera, localizer in self._localizers.items():
+                reasons += _complaints(camera, localizer)
             numbers = {"frames": float(self._frames), "bad_frames": float(self._bad_frames), **self._bus.numbers()}
             self._health.put(Health(role="basestation", state="running", reasons=tuple(reasons), numbers=numbers))
             await asyncio.sleep(_HEALTH_PERIOD)
 
 
+def _complaints(camera: str, localizer: Localizer) -> list[str]:
+    """What is wrong with the tags that a camera sees."""
+    out = [f"camera {camera} sees tag {tag}, and no robot has it" for tag in sorted(localizer.unknown_tags)]
+    out += [f"camera {camera} sees tag {tag} twice" for tag in sorted(localizer.duplicate_tags)]
+    for tag, size in sorted(localizer.misfit_tags.items()):
+        out.append(f"camera {camera} sees tag {tag} {size:.3f} m large: is its tag_size right?")
+    return out
+
+
 def _localizer(name: str, camera: Camera, scenario: Scenario) -> Localizer:
     tags = {robot.tag: (key, robot.mount) for key, robot in scenario.robot.items() if robot.tag is not None}
+    try:
+        detector = TagDetector(camera.family)
+    except ValueError as error:
+        raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
     return Localizer(
         name,
         Homography.fit(camera.views(scenario.arena), camera=name),
-        TagDetector(camera.family),
+        detector,
         tags,
         size=(camera.width, camera.height),
         corner_noise=camera.sigma_pixels,
