@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,6 @@ from muro_zenoh.simulation.rollout.yardstick import shortest_tangent_path
 WIDTH, HEIGHT = 4.2, 3.0
 CIRCLE = Circle(WIDTH / 2, HEIGHT / 2, 0.6)
 V, OMEGA_MAX, BAND = 0.15, 1.0, 0.03
-# The seed's law at the best of its gains for this circle and speed (0.4 to 1.2 in steps of 0.1), not at its default.
-GAINS = {"passivity": {"psi": 0.8}}
 GOALS = {"clean": (1.00, 1.05), "noisy": (1.10, 1.20)}
 
 
@@ -37,16 +36,16 @@ def draw_starts(n: int, seed: int = 1) -> np.ndarray:
     return rng.uniform((0.0, 0.0, -math.pi), (WIDTH, HEIGHT, math.pi), (n, 3))
 
 
-def measure(n: int, seconds: float) -> list[dict[str, Any]]:
+def measure(n: int, seconds: float, laws: Iterable[str] = CIRCLE_LAWS) -> list[dict[str, Any]]:
     """The rows of all laws in both loops; that of the default law in the noisy one says when the scales were found."""
     starts = draw_starts(n)
     reference = shortest_tangent_path(starts, CIRCLE, V, OMEGA_MAX, BAND)
     counted = reference.enters >= 1.0
     rows: list[dict[str, Any]] = []
-    for law in CIRCLE_LAWS:
+    for law in laws:
         for loop, settings in (("clean", CLEAN), ("noisy", NOISY)):
             rng = np.random.default_rng(2)
-            run = follow_circle(starts, CIRCLE, circle_law(law, **GAINS.get(law, {})), V, settings, rng, seconds)
+            run = follow_circle(starts, CIRCLE, circle_law(law), V, settings, rng, seconds)
             settled = settling_time(run.time, abs(run.radius_error) > BAND)
             ratio = (settled / reference.full)[counted]
             rows.append(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,14 +41,14 @@ def draw_starts(trials: int, seed: int = 1) -> np.ndarray:
     return np.stack((x, y, angles + math.pi / 2), axis=-1)
 
 
-def measure(trials: int, seconds: float) -> list[dict[str, Any]]:
+def measure(trials: int, seconds: float, laws: Iterable[str] = LAWS) -> list[dict[str, Any]]:
     """The rows of all laws in both loops."""
     starts = draw_starts(trials)
     angles = np.arctan2(starts[..., 1], starts[..., 0])
     bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX)
     default = PursuitLaw().name
     rows = []
-    for name in LAWS:
+    for name in laws:
         law = PursuitLaw(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
         for loop, settings in (("clean", CLEAN), ("noisy", NOISY)):
             # the hidden drive errors may ask 20 % more of the wheels than of the robot

@@ -141,6 +141,16 @@ class Stretch(NamedTuple):
     time_v: Any
     time_w: Any
 
+    @property
+    def moved_v(self) -> Any:
+        """Whether s_v could be seen in it: the wheels drove for more than a tenth of its time."""
+        return self.time_v > 0.1 * self.time
+
+    @property
+    def moved_w(self) -> Any:
+        """Whether s_omega could be seen in it: the wheels turned for more than a tenth of its time."""
+        return self.time_w > 0.1 * self.time
+
 
 def begin(mean: Mean) -> Stretch:
     """The stretch of no length at ``mean``.

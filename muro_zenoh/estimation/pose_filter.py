@@ -184,7 +184,7 @@ class PoseFilter:
         settings = self._settings
         stretch, _ = self._roll(before.mean, before.t, t)
         mean, cov = ekf.predict(before.mean, before.cov, stretch, settings)
-        mean, cov, nis = ekf.correct(mean, cov, fix, stretch.time_v > 0.0, stretch.time_w > 0.0, settings)
+        mean, cov, nis = ekf.correct(mean, cov, fix, stretch.moved_v, stretch.moved_w, settings)
         return (_Anchor(t, mean, cov, fix) if nis <= settings.gate else None), nis
 
     def _gate(self, t: float, fix: Fix, nis: float) -> FixResult:

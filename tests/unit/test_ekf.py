@@ -154,13 +154,11 @@ def test_arrays_do_what_floats_do() -> None:
     stretch = ekf.drive(ekf.begin(mean), mean, v, omega, 0.05, SETTINGS)
     mean_many, P_many = ekf.predict(mean, P, stretch, SETTINGS)
     fix = Fix(*np.array(fixes).T)
-    mean_many, P_many, nis_many = ekf.correct(
-        mean_many, P_many, fix, stretch.time_v > 0.0, stretch.time_w > 0.0, SETTINGS
-    )
+    mean_many, P_many, nis_many = ekf.correct(mean_many, P_many, fix, stretch.moved_v, stretch.moved_w, SETTINGS)
     for i, (state, one_fix, one_input) in enumerate(zip(states, fixes, inputs, strict=True)):
         one = ekf.drive(ekf.begin(state[0]), state[0], *one_input, 0.05, SETTINGS)
         mean_one, P_one = ekf.predict(*state, one, SETTINGS)
-        mean_one, P_one, nis = ekf.correct(mean_one, P_one, one_fix, one.time_v > 0.0, one.time_w > 0.0, SETTINGS)
+        mean_one, P_one, nis = ekf.correct(mean_one, P_one, one_fix, one.moved_v, one.moved_w, SETTINGS)
         np.testing.assert_allclose([m[i] for m in mean_many], mean_one, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose([p[i] for p in P_many], P_one, rtol=1e-9, atol=1e-12)
         assert nis_many[i] == pytest.approx(nis)
@@ -197,7 +195,7 @@ def test_nees_lies_within_its_chi_square_band() -> None:
 
         stretch = ekf.drive(ekf.begin(mean), mean, v, omega, dt, settings)
         mean, P = ekf.predict(mean, P, stretch, settings)
-        new_mean, new_P, nis = ekf.correct(mean, P, measure(), stretch.time_v > 0.0, stretch.time_w > 0.0, settings)
+        new_mean, new_P, nis = ekf.correct(mean, P, measure(), stretch.moved_v, stretch.moved_w, settings)
         ok = nis <= settings.gate
         mean = Mean(*(np.where(ok, a, b) for a, b in zip(new_mean, mean, strict=True)))
         P = Covariance(*(np.where(ok, a, b) for a, b in zip(new_P, P, strict=True)))

@@ -60,9 +60,7 @@ class ArrayFilter:
             stretch = ekf.drive(stretch, self.mean, v, omega, dt, self._settings)
             left -= dt
         mean, cov = ekf.predict(self.mean, self.cov, stretch, self._settings)
-        used_mean, used_cov, nis = ekf.correct(
-            mean, cov, fix, stretch.time_v > 0.0, stretch.time_w > 0.0, self._settings
-        )
+        used_mean, used_cov, nis = ekf.correct(mean, cov, fix, stretch.moved_v, stretch.moved_w, self._settings)
         taken: Array = np.asarray(nis)
         passed = taken <= self._settings.gate
         if passed.all():

@@ -69,7 +69,7 @@ class Fleet:
         self._underway: deque[tuple[float, Fix]] = deque()
         self._variances = settings.fix_sigma**2, settings.fix_sigma_theta**2
         # Within a period the picture is taken so long before the law runs that the fix arrives at a run of the law.
-        self._capture = math.fmod(settings.period - math.fmod(settings.delay, settings.period), settings.period)
+        self._capture = settings.period - math.fmod(settings.delay, settings.period)
         self._steps = 0
         self._last_capture = 0.0
         if settings.estimated:
@@ -110,10 +110,10 @@ class Fleet:
         if self.filter is None:
             self._move(settings.period, watch)
         else:
-            if self._capture > 1e-9:
-                self._move(self._capture, watch)
+            self._move(self._capture, watch)
             self._underway.append((t + self._capture, self._photograph()))
-            self._move(settings.period - self._capture, watch)
+            if settings.period - self._capture > 1e-9:
+                self._move(settings.period - self._capture, watch)
         self._steps += 1
 
     def see(self) -> Seen:
