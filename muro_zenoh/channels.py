@@ -40,7 +40,8 @@ class Channel(Generic[M_co]):
     Attributes:
         word: the second word of its keys.
         kind: the message on it.
-        writer: who publishes it; nobody else may.
+        writer: who publishes it, with commas between; nobody else may.
+        readers: who takes it in, with commas between; programs of a laboratory's own may besides.
         rate: how often, in words.
         delivery: what a reader gets.
         stale_after: age at which its value no longer counts [s]; None where age does not matter.
@@ -52,6 +53,7 @@ class Channel(Generic[M_co]):
     word: str
     kind: type[M_co]
     writer: str
+    readers: str
     rate: str
     delivery: Delivery
     stale_after: float | None = None
@@ -62,16 +64,49 @@ class Channel(Generic[M_co]):
 
 
 CAMERA = Channel(
-    "camera", m.Frame, "camera or simulator", "15-30 Hz", "newest", 0.5, Priority.BACKGROUND, "camera", "(camera video)"
+    "camera",
+    m.Frame,
+    "camera, simulator",
+    "basestation",
+    "15-30 Hz",
+    "newest",
+    0.5,
+    Priority.BACKGROUND,
+    "camera",
+    "(camera video)",
 )
-POSE = Channel("pose", m.PoseFix, "basestation", "camera rate", "every", 0.4, Priority.HIGH, ros="amcl_pose")
-ESTIMATE = Channel("estimate", m.Estimate, "agent/localize", "each fix, 30 Hz", "newest", 0.4, ros="afterKalman")
-CAL_OMEGA = Channel("cal0", m.Calibration, "agent/localize", "1 Hz", "kept", ros="cal0", note="multiplies omega")
-CAL_V = Channel("calD", m.Calibration, "agent/localize", "1 Hz", "kept", ros="calD", note="multiplies v")
+POSE = Channel(
+    "pose", m.PoseFix, "basestation", "agent/localize", "camera rate", "every", 0.4, Priority.HIGH, ros="amcl_pose"
+)
+ESTIMATE = Channel(
+    "estimate",
+    m.Estimate,
+    "agent/localize",
+    "agent/path_following, agent/pursuit, agent/dubins, agent/coverage, agent/steer, basestation",
+    "each fix, 30 Hz",
+    "newest",
+    0.4,
+    ros="afterKalman",
+    note="handed over in the process within its own agent",
+)
+CAL_OMEGA = Channel(
+    "cal0",
+    m.Calibration,
+    "agent/localize",
+    "agent/drive, operator",
+    "1 Hz",
+    "kept",
+    ros="cal0",
+    note="multiplies omega",
+)
+CAL_V = Channel(
+    "calD", m.Calibration, "agent/localize", "agent/drive, operator", "1 Hz", "kept", ros="calD", note="multiplies v"
+)
 ALL_POSITIONS = Channel(
     "all_positions",
     m.FleetSnapshot,
     "basestation",
+    "agent/pursuit, agent/coverage",
     "each fused frame, 5 Hz at least",
     "newest",
     0.5,
@@ -82,16 +117,19 @@ ALL_POSITIONS = Channel(
 VELOCITY = Channel(
     "velocity",
     m.SpeedReference,
-    "agent/pursuit, or anyone's replacement for it",
+    "agent/pursuit",
+    "agent/path_following",
     "10 Hz or faster",
     "newest",
     0.5,
     ros="velocity",
+    note="or from anyone's replacement for pursuit",
 )
 CMD_VEL = Channel(
     "cmd_vel",
     m.VelocityCommand,
-    "agent/drive only",
+    "agent/drive",
+    "base, agent/localize",
     "each estimate",
     "newest",
     0.3,
@@ -99,26 +137,65 @@ CMD_VEL = Channel(
     ros="mobile_base/commands/velocity",
     note="older than 300 ms, the base's dead-man zeroes the wheels",
 )
-GOAL = Channel("goal", m.Goal, "operator, coverage", "event", "every", ros="move_base_simple/goal", note="acknowledged")
-PATH = Channel("path", m.Path, "agent/dubins", "event", "kept", note="the planned Dubins path")
-CELL = Channel("cell", m.Cell, "agent/coverage", "1 Hz and on change", "newest", note="for drawing")
-CIRCLE = Channel("circle", m.Circle, "basestation", "2 Hz and on an order", "kept", named="", ros="/centroidPos")
-BEHAVIOUR = Channel("behaviour", m.Behaviour, "basestation", "2 Hz and on an order", "kept", ros="(launch file)")
-ODOMETRY = Channel("odometry", m.Odometry, "base", "50 Hz", "every", 0.15, ros="odom")
-BASE = Channel("base", m.BaseState, "base", "2 Hz and on change", "newest")
-HEALTH = Channel("health", m.Health, "everyone", "1 Hz and on change", "kept", 3.0, named="process")
-ACK = Channel("ack", m.Ack, "who took an order", "repeated until superseded", "kept")
+GOAL = Channel(
+    "goal",
+    m.Goal,
+    "operator, agent/coverage",
+    "agent/dubins, agent/steer",
+    "event",
+    "every",
+    ros="move_base_simple/goal",
+    note="acknowledged",
+)
+PATH = Channel("path", m.Path, "agent/dubins", "operator", "event", "kept", note="the planned Dubins path")
+CELL = Channel("cell", m.Cell, "agent/coverage", "operator", "1 Hz and on change", "newest", note="for drawing")
+CIRCLE = Channel(
+    "circle",
+    m.Circle,
+    "basestation",
+    "agent/path_following, agent/pursuit, operator",
+    "2 Hz and on an order",
+    "kept",
+    named="",
+    ros="/centroidPos",
+)
+BEHAVIOUR = Channel(
+    "behaviour", m.Behaviour, "basestation", "agent/behave", "2 Hz and on an order", "kept", ros="(launch file)"
+)
+ODOMETRY = Channel("odometry", m.Odometry, "base", "agent/localize", "50 Hz", "every", 0.15, ros="odom")
+BASE = Channel("base", m.BaseState, "base", "operator", "2 Hz and on change", "newest")
+HEALTH = Channel(
+    "health", m.Health, "every process", "basestation, operator", "1 Hz and on change", "kept", 3.0, named="process"
+)
+ACK = Channel(
+    "ack",
+    m.Ack,
+    "agent/dubins, agent/steer",
+    "operator",
+    "repeated until superseded",
+    "kept",
+    note="from who took an order",
+)
 STOP = Channel(
     "stop",
     m.StopOrder,
-    "basestation; an operator's stop directly too",
+    "basestation, operator",
+    "agent/drive",
     "2 Hz and on an order",
     "kept",
     priority=Priority.REAL_TIME,
     named="",
-    note="the whole state, never a difference",
+    note="the whole state, never a difference; a stop comes from the operator directly too",
 )
-TRUTH = Channel("truth", m.Truth, "simulator", "50 Hz", "newest", note="for score sheets only; no task may read it")
+TRUTH = Channel(
+    "truth",
+    m.Truth,
+    "simulator",
+    "operator",
+    "50 Hz",
+    "newest",
+    note="for score sheets only; no task may read it",
+)
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = (
     CAMERA,
@@ -227,18 +304,18 @@ def verb_key(realm: str, verb: Verb[Any]) -> str:
 
 def channel_table() -> str:
     """The table as Markdown, for ``docs/channels.md``."""
-    head = "| key | message | writer | rate | delivery | priority | stale after | seed's ROS topic | |\n"
-    rows = [head, "|---|---|---|---|---|---|---|---|---|\n"]
+    head = "| key | message | writer | readers | rate | delivery | priority | stale after | seed's ROS topic | |\n"
+    rows = [head, "|---|---|---|---|---|---|---|---|---|---|\n"]
     for c in CHANNELS:
         key = f"`muro/{c.word}/<{c.named}>`" if c.named else f"`muro/{c.word}`"
         stale = f"{c.stale_after:g} s" if c.stale_after is not None else "-"
         ros = f"`{c.ros}`" if c.ros and not c.ros.startswith("(") else c.ros or "-"
         priority = c.priority.name.lower().replace("_", "-")
-        cells = (key, c.kind.__name__, c.writer, c.rate, c.delivery, priority, stale, ros, c.note)
+        cells = (key, c.kind.__name__, c.writer, c.readers, c.rate, c.delivery, priority, stale, ros, c.note)
         rows.append("| " + " | ".join(cells) + " |\n")
     for v in VERBS:
         key = f"`muro/basestation/{v.word}`"
-        rows.append(f"| {key} | {v.kind.__name__} | operator | event | query | - | - | - | one reply |\n")
+        rows.append(f"| {key} | {v.kind.__name__} | operator | basestation | event | query | - | - | - | one reply |\n")
     return "".join(rows)
 
 
