@@ -16,6 +16,10 @@ from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
 from muro_zenoh.simulation.rollout.settings import LoopSettings
 
 
+_TURNING = 0.1
+"""From this rate on a robot counts as turning [rad/s]: the small corrections of a straight approach show no scale."""
+
+
 class CircleRun(NamedTuple):
     """A run of circular path following, sampled after every move of the plant.
 
@@ -73,7 +77,7 @@ def follow_circle(
             scales_v.append(fleet.filter.mean.s_v / fleet.plant.s_v - 1.0)
             scales_omega.append(fleet.filter.mean.s_omega / fleet.plant.s_omega - 1.0)
             rate = abs(fleet.plant.odometry_twist[:, 1])
-            turning = turning + settings.period * (rate > settings.filter.omega_rest)
+            turning = turning + settings.period * (rate > _TURNING)
             turned.append(turning)
     return CircleRun(np.array(times), np.array(errors), np.array(scales_v), np.array(scales_omega), np.array(turned))
 
