@@ -25,12 +25,11 @@ _CIRCLING = 10.0
 class _Writer:
     """What one process's health has said since the scenario time began."""
 
-    epoch: int = 0
-    fixes: float = 0.0
-    first_stamp: float | None = None
+    epoch: int
+    last_fixes: float
+    first_stamp: float
     last_stamp: float = 0.0
-    last_fixes: float = 0.0
-    fixes_since: float = 0.0
+    fixes: float = 0.0
 
 
 @dataclass(slots=True)
@@ -66,6 +65,7 @@ class Collector:
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
         self._writers: dict[str, _Writer] = {}
+        self._epochs: dict[str, int] = {}
         self._contacts = _Contacts()
         self._pose_age: list[float] = []
         self._pose_to_command: list[float] = []
@@ -89,7 +89,7 @@ class Collector:
     def begin(self) -> None:
         """Scenario time is 0 now."""
         self._began = self._bus.clock.now()
-        self._writers.clear()
+        self._epochs = {name: health.epoch for name, health in self.health.items()}
 
     async def run(self) -> None:
         """Collect until cancelled."""
@@ -112,12 +112,16 @@ class Collector:
         fixes = health.numbers.get("fixes", 0.0)
         writer = self._writers.get(received.name)
         if writer is None:
-            # The first one speaks of the time before, too: it only marks where counting begins.
-            self._writers[received.name] = _Writer(health.epoch, fixes, health.stamp, health.stamp, fixes)
-            return
+            # The first one speaks of the time before, too, so it only marks where counting begins; unless its process
+            # began after that.
+            writer = self._writers[received.name] = _Writer(health.epoch, fixes, health.stamp)
+            before = self._epochs.get(received.name, health.epoch)
+            if before == health.epoch:
+                return
+            writer.epoch, writer.first_stamp = before, self._began or 0.0
         if health.epoch != writer.epoch:
             writer.epoch, writer.last_fixes = health.epoch, 0.0
-        writer.fixes_since += max(0.0, fixes - writer.last_fixes)
+        writer.fixes += max(0.0, fixes - writer.last_fixes)
         writer.last_fixes, writer.last_stamp = fixes, health.stamp
         self._pose_age += health.samples.get("pose_age_s", ())
         self._pose_to_command += health.samples.get("pose_to_command_s", ())
@@ -139,9 +143,9 @@ class Collector:
             robot: whose.
         """
         writer = self._writers.get(robot)
-        if writer is None or writer.first_stamp is None or writer.last_stamp <= writer.first_stamp:
+        if writer is None or writer.last_stamp <= writer.first_stamp:
             return None
-        return writer.fixes_since / (writer.last_stamp - writer.first_stamp)
+        return writer.fixes / (writer.last_stamp - writer.first_stamp)
 
     def calibrated(self, robot: str) -> Calibrated:
         """The calibrations found, and what the simulator hides.

@@ -55,7 +55,7 @@ def run(
     settings: tuple[str, ...],
     connect: str | None,
 ) -> None:
-    """Run a fleet on this machine: a built-in SCENARIO (pursuit, circle, hold) or a TOML file.
+    """Run a fleet on this machine: a built-in SCENARIO such as pursuit, circle or hold, or a TOML file.
 
     Starts a router, a simulator, a base station and an agent per robot, each a process; shows how they do, and ends
     with a score sheet. It leaves runs/<time>-<scenario>/ with the settings, the score sheet and a log per process.
