@@ -1,0 +1,133 @@
+"""The base station's table of all positions."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from basestation.fleet.table import LOST_AFTER, STALE_AFTER, FleetTable, Motion
+from muro_zenoh.geometry import Pose2
+from muro_zenoh.messages import RobotState
+
+HERE = Pose2(1.0, 0.5, 0.2)
+
+
+def moving(at: float, pose: Pose2 = HERE, v: float = 0.2, omega: float = 0.1) -> Motion:
+    return Motion(pose, v, omega, at)
+
+
+def row(table: FleetTable, now: float, name: str = "r1") -> RobotState:
+    (state,) = [state for state in table.snapshot(now) if state.name == name]
+    return state
+
+
+@pytest.fixture
+def table() -> FleetTable:
+    """r1 was seen at 10 s."""
+    table = FleetTable()
+    table.fix("r1", HERE, 10.0)
+    return table
+
+
+def test_nobody_is_in_it_before_a_camera_saw_one() -> None:
+    table = FleetTable()
+    table.estimate("r1", moving(1.0))
+    assert table.snapshot(1.0) == ()
+
+
+def test_robots_come_by_name(table: FleetTable) -> None:
+    for name in ("r3", "r10", "r2"):
+        table.fix(name, HERE, 10.0)
+    assert [state.name for state in table.snapshot(10.0)] == ["r1", "r10", "r2", "r3"]
+
+
+def test_place_and_age_are_the_newest_fixs(table: FleetTable) -> None:
+    table.fix("r1", Pose2(2.0, -1.0, 3.0), 10.1)
+    state = row(table, 10.25)
+    assert (state.x, state.y, state.theta) == (2.0, -1.0, 3.0)
+    assert state.age == pytest.approx(0.15)
+    assert state.state == "tracking"
+
+
+def test_an_older_fix_changes_nothing(table: FleetTable) -> None:
+    table.fix("r1", Pose2(9.0, 9.0, 0.0), 9.9)
+    assert row(table, 10.1).pose == HERE
+
+
+def test_an_age_is_never_negative(table: FleetTable) -> None:
+    assert row(table, 9.0).age == 0.0
+
+
+@pytest.mark.parametrize(
+    ("age", "state"),
+    [
+        (STALE_AFTER - 0.01, "tracking"),
+        (STALE_AFTER + 0.01, "stale"),
+        (LOST_AFTER - 0.01, "stale"),
+        (LOST_AFTER + 0.01, "lost"),
+        (3600.0, "lost"),
+    ],
+)
+def test_who_is_not_seen_turns_stale_then_lost_and_stays_where_it_was(
+    table: FleetTable, age: float, state: str
+) -> None:
+    seen = row(table, 10.0 + age)
+    assert seen.state == state
+    assert seen.pose == HERE
+    assert seen.age == pytest.approx(age)
+
+
+def test_the_estimate_adds_speeds_and_nothing_else(table: FleetTable) -> None:
+    table.estimate("r1", moving(10.05, Pose2(1.05, 0.55, 0.25)))
+    state = row(table, 10.1)
+    assert (state.v, state.omega) == (0.2, 0.1)
+    assert state.pose == HERE
+
+
+def test_a_lost_robot_has_no_speed_however_fresh_its_estimates(table: FleetTable) -> None:
+    table.estimate("r1", moving(13.0))
+    state = row(table, 13.0)
+    assert (state.state, state.v, state.omega) == ("lost", 0.0, 0.0)
+
+
+def test_an_old_estimate_counts_for_nothing(table: FleetTable) -> None:
+    table.estimate("r1", moving(9.4, Pose2(-2.0, 0.0, 0.0)))
+    state = row(table, 10.0)
+    assert (state.state, state.v) == ("tracking", 0.0)
+
+
+@pytest.mark.parametrize(
+    "elsewhere", [Pose2(1.4, 0.5, 0.2), Pose2(1.0, 0.5, 1.2), Pose2(-1.0, -0.5, 0.2)], ids=["place", "heading", "far"]
+)
+def test_an_estimate_elsewhere_disagrees(table: FleetTable, elsewhere: Pose2) -> None:
+    table.estimate("r1", moving(10.05, elsewhere))
+    state = row(table, 10.1)
+    assert (state.state, state.v, state.omega) == ("disagrees", 0.0, 0.0)
+    assert state.pose == HERE
+
+
+def test_headings_on_both_sides_of_pi_agree(table: FleetTable) -> None:
+    table.fix("r1", Pose2(0.0, 0.0, math.pi - 0.05), 10.0)
+    table.estimate("r1", moving(10.0, Pose2(0.0, 0.0, -math.pi + 0.05)))
+    assert row(table, 10.05).state == "tracking"
+
+
+def test_a_fast_robot_may_be_further_on_than_its_fix(table: FleetTable) -> None:
+    table.estimate("r1", moving(10.3, Pose2(1.35, 0.5, 0.2), v=0.5))
+    assert row(table, 10.3).state == "tracking"
+
+
+def test_it_is_found_again_where_it_is_seen(table: FleetTable) -> None:
+    assert row(table, 13.0).state == "lost"
+    table.fix("r1", Pose2(0.0, 0.0, 0.0), 13.0)
+    assert row(table, 13.1).state == "tracking"
+
+
+def test_who_is_cleared_is_gone_until_it_is_seen_again(table: FleetTable) -> None:
+    table.estimate("r1", moving(10.0))
+    assert table.clear("r1")
+    assert table.snapshot(10.1) == ()
+    assert not table.clear("r1")
+    table.fix("r1", HERE, 10.2)
+    assert row(table, 10.2).v == 0.0  # what its agent believed was forgotten too

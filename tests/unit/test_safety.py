@@ -1,0 +1,190 @@
+"""What keeps a robot from driving: the stop latch, the gate, calibration and limits."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from muro_zenoh.geometry import STILL, Twist2
+from muro_zenoh.safety.gate import reasons_to_stand
+from muro_zenoh.safety.limits import calibrate_and_limit
+from muro_zenoh.safety.stop import StopLatch
+
+# ---- the stop latch
+
+
+def hear(latch: StopLatch, revision: int, *names: str, everybody: bool = False) -> StopLatch:
+    return latch.hear("r1", everybody=everybody, names=names, revision=revision)
+
+
+FREE = hear(StopLatch(), 5)
+"""A robot that heard revision 5, which stops nobody."""
+
+orders = st.lists(
+    st.tuples(st.integers(0, 6), st.booleans(), st.lists(st.sampled_from(["r1", "r2", "ghost"]), max_size=2)),
+    max_size=12,
+)
+
+
+def test_who_heard_nothing_stands() -> None:
+    latch = StopLatch()
+    assert not latch.may_drive
+    assert latch.reason == "no stop state heard yet"
+
+
+@pytest.mark.parametrize("revision", [0, 5])
+def test_the_first_state_heard_frees_whatever_its_revision(revision: int) -> None:
+    latch = hear(StopLatch(), revision)
+    assert latch.may_drive
+    assert latch.reason == ""
+    assert latch.revision == revision
+
+
+def test_a_first_state_that_stops_is_latched() -> None:
+    latch = hear(StopLatch(), 0, everybody=True)
+    assert not latch.may_drive
+    assert latch.reason == "stop order to everybody"
+
+
+@pytest.mark.parametrize("revision", [0, 4, 5, 6])
+def test_a_stop_is_taken_at_any_revision(revision: int) -> None:
+    latch = hear(FREE, revision, everybody=True)
+    assert latch.stopped
+    assert latch.revision == max(5, revision)
+
+
+@pytest.mark.parametrize("revision", [0, 4, 5])
+def test_a_stop_wins_ties_and_against_older_states(revision: int) -> None:
+    stopped = hear(FREE, 5, everybody=True)
+    assert hear(stopped, revision) == stopped
+
+
+def test_a_newer_state_lifts_a_stop() -> None:
+    latch = hear(hear(FREE, 5, everybody=True), 6)
+    assert latch.may_drive
+    assert not latch.everybody
+    assert latch.revision == 6
+
+
+def test_one_is_stopped_by_name_and_others_are_not() -> None:
+    assert hear(FREE, 6, "r1").reason == "stop order"
+    assert hear(FREE, 6, "r2", "ghost").may_drive
+
+
+def test_a_stop_of_others_lifts_nothing_unless_it_is_newer() -> None:
+    stopped = hear(FREE, 5, "r1")
+    assert hear(stopped, 5, "r2").stopped
+    assert hear(stopped, 6, "r2").may_drive
+
+
+def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
+    latch = hear(hear(FREE, 6, everybody=True), 6, "r1")
+    assert latch.everybody
+
+
+@given(orders)
+def test_the_revision_never_falls_and_a_stop_is_always_obeyed(said: list[tuple[int, bool, list[str]]]) -> None:
+    latch = StopLatch()
+    for revision, everybody, names in said:
+        before = latch
+        latch = latch.hear("r1", everybody=everybody, names=names, revision=revision)
+        assert latch.revision == max(before.revision, revision)
+        assert latch.heard
+        if everybody or "r1" in names:
+            assert not latch.may_drive
+        elif before.stopped and revision <= before.revision:
+            assert latch == before
+
+
+@given(orders)
+def test_repetition_changes_nothing(said: list[tuple[int, bool, list[str]]]) -> None:
+    latch = StopLatch()
+    for revision, everybody, names in said:
+        latch = latch.hear("r1", everybody=everybody, names=names, revision=revision)
+        assert latch.hear("r1", everybody=everybody, names=names, revision=revision) == latch
+
+
+# ---- the gate
+
+
+def stand(latch: StopLatch = FREE, fix_age: float = 0.1, twist_age: float = 0.1, hold: str = "") -> tuple[str, ...]:
+    return reasons_to_stand(
+        latch=latch, fix_age=fix_age, fix_limit=0.4, twist_age=twist_age, twist_limit=0.25, hold=hold
+    )
+
+
+def test_a_fresh_robot_may_drive() -> None:
+    assert stand() == ()
+    assert stand(fix_age=0.4, twist_age=0.25) == ()  # the limits themselves are fresh
+
+
+@pytest.mark.parametrize(
+    ("fix_age", "reason"), [(math.inf, "no pose yet"), (0.5, "no pose for 0.5 s"), (math.nan, "no pose for nan s")]
+)
+def test_a_stale_pose_stands(fix_age: float, reason: str) -> None:
+    assert stand(fix_age=fix_age) == (reason,)
+
+
+@pytest.mark.parametrize("twist_age", [0.26, math.inf, math.nan])
+def test_a_silent_behaviour_stands(twist_age: float) -> None:
+    assert stand(twist_age=twist_age) == ("the behaviour is silent",)
+
+
+def test_a_behaviour_that_holds_is_not_called_silent() -> None:
+    assert stand(twist_age=9.0, hold="no circle heard yet") == ("no circle heard yet",)
+
+
+def test_all_reasons_come_the_most_important_first() -> None:
+    stopped = hear(FREE, 6, everybody=True)
+    assert stand(stopped, 2.0, 9.0) == ("stop order to everybody", "no pose for 2.0 s", "the behaviour is silent")
+
+
+@given(
+    st.sampled_from([StopLatch(), FREE, hear(FREE, 6, "r1")]),
+    st.floats(),
+    st.floats(),
+    st.sampled_from(["", "the behaviour is hold"]),
+)
+def test_driving_needs_everything(latch: StopLatch, fix_age: float, twist_age: float, hold: str) -> None:
+    may = stand(latch, fix_age, twist_age, hold) == ()
+    assert may == (latch.may_drive and fix_age <= 0.4 and twist_age <= 0.25 and not hold)
+
+
+# ---- calibration and limits
+
+
+def command(v: float, omega: float, cal_v: float = 1.0, cal_omega: float = 1.0) -> Twist2:
+    return calibrate_and_limit(Twist2(v, omega), cal_v=cal_v, cal_omega=cal_omega, v_max=0.5, omega_max=1.5)
+
+
+def test_calibration_comes_once_and_before_the_limits() -> None:
+    assert command(0.2, 1.0, cal_v=1.25, cal_omega=0.8) == Twist2(0.25, 0.8)
+    assert command(0.45, 1.4, cal_v=1.25, cal_omega=1.25) == Twist2(0.5, 1.5)
+
+
+@pytest.mark.parametrize(("v", "omega"), list(itertools.product((-9.0, 9.0), repeat=2)))
+def test_both_speeds_saturate_on_both_sides(v: float, omega: float) -> None:
+    assert command(v, omega) == Twist2(math.copysign(0.5, v), math.copysign(1.5, omega))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_twist_that_is_not_finite_is_no_twist(bad: float) -> None:
+    assert command(bad, 1.0) == STILL
+    assert command(0.2, bad) == STILL
+    assert command(0.2, 1.0, cal_v=bad) == STILL
+    assert command(0.2, 1.0, cal_omega=bad) == STILL
+
+
+def test_a_product_that_overflows_is_no_twist() -> None:
+    assert command(1e308, 0.0, cal_v=1e10) == STILL
+
+
+@given(st.floats(), st.floats(), st.floats(), st.floats())
+def test_no_command_is_ever_above_the_limits(v: float, omega: float, cal_v: float, cal_omega: float) -> None:
+    out = command(v, omega, cal_v, cal_omega)
+    assert abs(out.v) <= 0.5
+    assert abs(out.omega) <= 1.5
