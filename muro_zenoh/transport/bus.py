@@ -7,6 +7,7 @@ published besides.
 from __future__ import annotations
 
 import asyncio
+import copy
 import logging
 import math
 import random
@@ -30,7 +31,7 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, MessageError, MuroError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, check_encoding, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
-from muro_zenoh.transport.inbox import Counters, Every, Inbox, Latest, Waker
+from muro_zenoh.transport.inbox import Counters, Every, Inbox, Latest
 from muro_zenoh.transport.link import Closable, Link, LinkPublisher, Question
 from muro_zenoh.transport.tap import Roster, Tap
 
@@ -38,6 +39,16 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=Message)
 I = TypeVar("I", bound=Inbox[Any])  # noqa: E741 - an inbox
+
+
+def _numbered(message: T, stamp: float, seq: int, epoch: int) -> T:
+    """A copy of a message, which is not checked a second time; the caller's own stays as it is."""
+    sent = copy.copy(message)
+    force = msgspec.structs.force_setattr
+    force(sent, "stamp", stamp)
+    force(sent, "seq", seq)
+    force(sent, "epoch", epoch)
+    return sent
 
 
 class Publisher(Generic[T]):
@@ -62,9 +73,7 @@ class Publisher(Generic[T]):
         if self._closed:
             return message
         self._seq += 1
-        sent = msgspec.structs.replace(
-            message, stamp=message.stamp or self._bus.clock.now(), seq=self._seq, epoch=self._bus.epoch
-        )
+        sent = _numbered(message, message.stamp or self._bus.clock.now(), self._seq, self._bus.epoch)
         for inbox in self._bus._readers.get(self._key, ()):
             inbox.hand(self._key, sent)
         self._link.put(encode(sent))
@@ -99,7 +108,6 @@ class Bus:
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
         self._link = link
         self._loop = asyncio.get_running_loop()
-        self._waker = Waker(self._loop)
         self._readers: dict[str, list[Inbox[Any]]] = {}
         self._open: dict[Closable, None] = {}  # in the order of their declaration
         self._everybodys: list[tuple[str, Inbox[Any]]] = []  # mailboxes of `*`, with the start of their keys
@@ -154,10 +162,12 @@ class Bus:
         """
         return self._subscribe(channel, name, Every(*self._slot(channel, name), depth))
 
-    def _slot(self, channel: Channel[T], name: str) -> tuple[type[T], int, Clock, Waker, Counters, str]:
+    def _slot(
+        self, channel: Channel[T], name: str
+    ) -> tuple[type[T], int, Clock, asyncio.AbstractEventLoop, Counters, str]:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
-        return channel.kind, prefix, self.clock, self._waker, counters, key_of(self.realm, channel, name)
+        return channel.kind, prefix, self.clock, self._loop, counters, key_of(self.realm, channel, name)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()
@@ -171,7 +181,11 @@ class Bus:
         for key in ours:
             self._readers.setdefault(key, []).append(inbox)
         if not own_only:
-            inbox.on_close(self._link.subscribe(expression, inbox.file, keep=channel.delivery == "kept").close)
+            inbox.on_close(
+                self._link.subscribe(
+                    expression, inbox.file, encoding=encoding_of(channel.kind), keep=channel.delivery == "kept"
+                ).close
+            )
         inbox.on_close(lambda: self._forget(inbox))
         self._open[inbox] = None
         return inbox
@@ -288,7 +302,7 @@ class Bus:
         """
         self._check_open()
         tap = Tap(self._loop, self.clock, depth)
-        tap.on_close(self._link.subscribe(key_expr, tap.file, keep=False).close)
+        tap.on_close(self._link.subscribe(key_expr, tap.file, encoding="", keep=False).close)
         tap.on_close(lambda: self._forget(tap))
         self._open[tap] = None
         return tap

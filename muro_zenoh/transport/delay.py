@@ -18,19 +18,18 @@ class DelayTracker:
 
     Mostly that is one process. Where there are more (a stop from the base station and from an operator; a restart that
     overlaps), each has a clock of its own; the four heard last are remembered.
+
+    Attributes:
+        least: the least (arrival - stamp) of the writer heard last [s]; infinite before the first message.
     """
 
-    __slots__ = ("_epoch", "_last", "_writers")
+    __slots__ = ("_epoch", "_last", "_writers", "least")
 
     def __init__(self) -> None:
+        self.least = math.inf
         self._epoch = -1
         self._last = _Window(-math.inf)
         self._writers: dict[int, _Window] = {}
-
-    @property
-    def least(self) -> float:
-        """The least (arrival - stamp) of the writer heard last [s]; infinite before the first message."""
-        return min(self._last.newer, self._last.older)
 
     def observe(self, epoch: int, stamp: float, arrival: float) -> float:
         """Take a message into account.
@@ -49,7 +48,9 @@ class DelayTracker:
             self._writers[epoch] = self._last = window  # the one heard last stands last
             if len(self._writers) > _MOST_WRITERS:
                 del self._writers[next(iter(self._writers))]
-        return self._last.observe(arrival - stamp, arrival)
+        offset = arrival - stamp
+        self.least = self._last.observe(offset, arrival)
+        return offset - self.least
 
 
 class _Window:
@@ -67,5 +68,6 @@ class _Window:
         if arrival - self.began > _HALF_WINDOW:
             self.older, self.newer = self.newer, math.inf
             self.began = arrival
-        self.newer = min(self.newer, offset)
-        return offset - min(self.newer, self.older)
+        if offset < self.newer:
+            self.newer = offset
+        return self.newer if self.newer < self.older else self.older

@@ -8,17 +8,18 @@ what it drops and what it rejects.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, Self, TypeVar
+from typing import Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
-from muro_zenoh.messages import Message, check_encoding, decode
+from muro_zenoh.messages import Message, check_encoding, decode, encoding_of
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.delay import DelayTracker
 
@@ -31,6 +32,10 @@ _MAX_KEYS = 1024
 
 MAX_PAYLOAD = 8 * 2**20
 """A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
+
+
+_Filed = tuple[bytes, str | None, float]
+"""Payload, encoding, arrival."""
 
 
 @dataclass(slots=True)
@@ -78,34 +83,6 @@ class Received(NamedTuple, Generic[T]):
         return self.message.stamp + self.least - latency
 
 
-class Waker:
-    """Wakes the loop once for all mailboxes that were filed into since it last ran."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
-        self._lock = threading.Lock()
-        self._ready: list[Inbox[Any]] = []
-
-    def wake(self, inbox: Inbox[Any]) -> None:
-        """Have ``inbox`` sorted on the loop; from any thread."""
-        with self._lock:
-            self._ready.append(inbox)
-            if len(self._ready) > 1:
-                return
-        try:
-            self._loop.call_soon_threadsafe(self._run)
-        except RuntimeError:
-            # Zenoh calls back after undeclare() until its backlog is drained; a closed loop wants none of it.
-            with self._lock:
-                self._ready.clear()
-
-    def _run(self) -> None:
-        with self._lock:
-            ready, self._ready = self._ready, []
-        for inbox in ready:
-            inbox._sort()
-
-
 class Inbox(ABC, Generic[T]):
     """What :class:`Latest` and :class:`Every` share: filing, waking, counting.
 
@@ -113,24 +90,32 @@ class Inbox(ABC, Generic[T]):
         kind: the message type.
         prefix: length of the key up to the name.
         clock: for arrival times.
-        waker: wakes the loop.
+        loop: where it is read.
         counters: shared by all mailboxes of a channel.
         where: the key, for error messages.
         depth: raw samples of a key that wait for the loop at most.
     """
 
     def __init__(
-        self, kind: type[T], prefix: int, clock: Clock, waker: Waker, counters: Counters, where: str, depth: int
+        self,
+        kind: type[T],
+        prefix: int,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counters,
+        where: str,
+        depth: int,
     ) -> None:
         self._kind = kind
+        self._encoding = encoding_of(kind)
         self._prefix = prefix
         self._clock = clock
-        self._waker = waker
+        self._loop = loop
         self._counters = counters
         self._where = where
         self._depth = depth
         self._lock = threading.Lock()
-        self._raw: dict[str, deque[tuple[bytes, str | None, float]]] = {}
+        self._raw: dict[str, list[_Filed]] = {}
         self._awake = False
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
@@ -144,21 +129,26 @@ class Inbox(ABC, Generic[T]):
         """Take a sample from the middleware; from any thread."""
         arrival = self._clock.now()
         with self._lock:
-            queue = self._raw.get(key)
-            if queue is None:
+            if self._closed:
+                return
+            self._counters.received += 1
+            filed = self._raw.get(key)
+            if filed is None:
                 if len(self._raw) >= _MAX_KEYS:
-                    self._counters.received += 1
                     self._counters.rejected += 1
                     return
-                queue = self._raw[key] = deque(maxlen=self._depth)
-            self._counters.received += 1
-            if len(queue) == self._depth:
-                self._counters.dropped += 1
-            queue.append((payload, encoding, arrival))
-            if self._awake or self._closed or self._waiter is None:
+                self._raw[key] = [(payload, encoding, arrival)]
+            else:
+                if len(filed) >= self._depth:
+                    self._counters.dropped += 1
+                    del filed[0]
+                filed.append((payload, encoding, arrival))
+            if self._awake or self._waiter is None:
                 return
             self._awake = True
-        self._waker.wake(self)
+        with contextlib.suppress(RuntimeError):
+            # Zenoh calls back after undeclare() until its backlog is drained; a closed loop wants none of it.
+            self._loop.call_soon_threadsafe(self._wake)
 
     # ---- on the loop
 
@@ -166,8 +156,8 @@ class Inbox(ABC, Generic[T]):
         """Take a message that this very process sends; it was never bytes."""
         now = self._clock.now()
         self._counters.received += 1
-        if self._accept(Received(key[self._prefix :], message, now, 0.0, 0.0)):
-            self._notify()
+        self._accept(Received(key[self._prefix :], message, now, 0.0, 0.0))
+        self._notify()
 
     async def next(self) -> Received[T]:
         """Wait for a message that was not read yet.
@@ -187,7 +177,7 @@ class Inbox(ABC, Generic[T]):
             with self._lock:
                 if self._raw:
                     continue  # filed since, and nobody was woken for it
-                self._waiter = asyncio.get_running_loop().create_future()
+                self._waiter = self._loop.create_future()
             try:
                 await self._waiter
             finally:
@@ -196,8 +186,7 @@ class Inbox(ABC, Generic[T]):
     def __aiter__(self) -> Self:
         return self
 
-    async def __anext__(self) -> Received[T]:
-        return await self.next()
+    __anext__ = next
 
     def close(self) -> None:
         """Undeclare it; a task that waits here gets a :class:`TransportError`."""
@@ -212,29 +201,28 @@ class Inbox(ABC, Generic[T]):
         """Have ``close`` called when the mailbox is closed."""
         self._closers.append(close)
 
+    def _wake(self) -> None:
+        """Let the task that waits sort what was filed."""
+        self._awake = False
+        self._notify()
+
     def _sort(self) -> None:
-        """Decode what was filed and wake who waits."""
+        """Decode what was filed."""
         if not self._raw:
-            self._awake = False
             return
         with self._lock:
             raw, self._raw = self._raw, {}
-            self._awake = False
-        if self._closed:
-            return
-        news = False
-        for key, queue in raw.items():
-            news |= self._sort_key(key, queue)
-        if news:
-            self._notify()
+        if not self._closed:
+            for key, filed in raw.items():
+                self._sort_key(key, filed)
 
     @abstractmethod
-    def _sort_key(self, key: str, queue: deque[tuple[bytes, str | None, float]]) -> bool:
-        """Decode one key's samples; whether there is news."""
+    def _sort_key(self, key: str, filed: list[_Filed]) -> None:
+        """Decode one key's samples."""
 
     @abstractmethod
-    def _accept(self, item: Received[T]) -> bool:
-        """File a decoded message; whether there is news."""
+    def _accept(self, item: Received[T]) -> None:
+        """Keep a decoded message."""
 
     @abstractmethod
     def _take(self) -> Received[T] | None:
@@ -248,7 +236,8 @@ class Inbox(ABC, Generic[T]):
                 raise MessageError(f"got {len(payload)} bytes, expected at most {MAX_PAYLOAD}")
             if tracker is None:
                 self._check_key(key)
-            check_encoding(encoding, self._kind)
+            if encoding != self._encoding:
+                check_encoding(encoding, self._kind)
             message = decode(payload, self._kind)
         except MessageError as error:
             self._counters.rejected += 1
@@ -280,10 +269,17 @@ class Latest(Inbox[T]):
     """Keeps the newest message of each key, and wakes its reader once for all that came meanwhile."""
 
     def __init__(
-        self, kind: type[T], prefix: int, clock: Clock, waker: Waker, counters: Counters, where: str, depth: int = 4
+        self,
+        kind: type[T],
+        prefix: int,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counters,
+        where: str,
+        depth: int = 4,
     ) -> None:
         # depth: garbage behind a good message does not displace it, unless there is a lot of it
-        super().__init__(kind, prefix, clock, waker, counters, where, depth)
+        super().__init__(kind, prefix, clock, loop, counters, where, depth)
         self._newest: dict[str, Received[T]] = {}
         self._unread: dict[str, Received[T]] = {}
         self._unseen: set[str] = set()  # names whose newest nobody has looked at, by next() or get()
@@ -300,29 +296,28 @@ class Latest(Inbox[T]):
         """The newest message of each name."""
         self._sort()
         self._unseen.clear()
-        return self._newest
+        return dict(self._newest)
 
     def forget(self, name: str) -> None:
         """Drop what is known of a name."""
         self._newest.pop(name, None)
         self._unread.pop(name, None)
 
-    def _sort_key(self, key: str, queue: deque[tuple[bytes, str | None, float]]) -> bool:
-        while queue:
-            item = self._open(key, *queue.pop())
+    def _sort_key(self, key: str, filed: list[_Filed]) -> None:
+        # From the newest on: those behind the first good one are not worth their decoding.
+        while filed:
+            item = self._open(key, *filed.pop())
             if item is not None:
-                self._counters.dropped += len(queue)
-                # Their way here still tells how quick this writer can be; but the newest is worth one decode only.
-                return self._accept(item)
-        return False
+                self._counters.dropped += len(filed)
+                self._accept(item)
+                return
 
-    def _accept(self, item: Received[T]) -> bool:
+    def _accept(self, item: Received[T]) -> None:
         if item.name in self._unseen:
             self._counters.dropped += 1
         self._unseen.add(item.name)
         self._unread.pop(item.name, None)  # so that the longest unread name comes first
         self._newest[item.name] = self._unread[item.name] = item
-        return True
 
     def _take(self) -> Received[T] | None:
         for name in self._unread:
@@ -335,9 +330,16 @@ class Every(Inbox[T]):
     """A bounded queue; when it is full the oldest goes, and is counted."""
 
     def __init__(
-        self, kind: type[T], prefix: int, clock: Clock, waker: Waker, counters: Counters, where: str, depth: int = 64
+        self,
+        kind: type[T],
+        prefix: int,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counters,
+        where: str,
+        depth: int = 64,
     ) -> None:
-        super().__init__(kind, prefix, clock, waker, counters, where, depth)
+        super().__init__(kind, prefix, clock, loop, counters, where, depth)
         self._queue: deque[Received[T]] = deque(maxlen=depth)
 
     def drain(self) -> list[Received[T]]:
@@ -347,19 +349,16 @@ class Every(Inbox[T]):
         self._queue.clear()
         return items
 
-    def _sort_key(self, key: str, queue: deque[tuple[bytes, str | None, float]]) -> bool:
-        news = False
-        for sample in queue:
+    def _sort_key(self, key: str, filed: list[_Filed]) -> None:
+        for sample in filed:
             item = self._open(key, *sample)
             if item is not None:
-                news |= self._accept(item)
-        return news
+                self._accept(item)
 
-    def _accept(self, item: Received[T]) -> bool:
+    def _accept(self, item: Received[T]) -> None:
         if len(self._queue) == self._queue.maxlen:
             self._counters.dropped += 1
         self._queue.append(item)
-        return True
 
     def _take(self) -> Received[T] | None:
         return self._queue.popleft() if self._queue else None

@@ -58,9 +58,9 @@ class Link(Protocol):
         """Declare a writer; ``keep``: late joiners get its last value."""
         ...
 
-    def subscribe(self, key_expr: str, file: FileSample, *, keep: bool) -> Closable:
-        """Declare a reader of others' samples, not of this link's own; ``keep``: with the values kept by now, whoever
-        keeps them."""
+    def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
+        """Declare a reader of others' samples, not of this link's own; ``encoding``: what they will mostly have;
+        ``keep``: with the values kept by now, whoever keeps them."""
         ...
 
     def declare_token(self, key: str) -> Closable:

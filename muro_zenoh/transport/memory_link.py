@@ -107,14 +107,14 @@ class MemoryLink:
     def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
         return _Publisher(self, key, encoding, keep)
 
-    def subscribe(self, key_expr: str, file: FileSample, *, keep: bool) -> Closable:
+    def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
         reader = _Reader(self, key_expr, file)
         self.network._readers.append(reader)
         if keep:
             loop = asyncio.get_running_loop()
-            for key, (_, payload, encoding) in self.network._kept.items():
+            for key, (_, payload, said) in self.network._kept.items():
                 if matches(key_expr, key):
-                    loop.call_soon(file, key, payload, encoding)
+                    loop.call_soon(file, key, payload, said)
         return _Undo(lambda: self.network._readers.remove(reader))
 
     def declare_token(self, key: str) -> Closable:
