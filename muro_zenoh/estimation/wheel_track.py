@@ -16,13 +16,15 @@ from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
 Piece = tuple[float, float, float]
 """An arc of the nominal wheels: v [m/s], omega [rad/s], dt [s]."""
 
-_MODEL_STEP = 0.05
+Timed = tuple[float, float, float]
+"""Speeds or a command at a time: t [s], v [m/s], omega [rad/s]."""
+
+LONGEST_ARC = 0.05 + 1e-9
+"""Knots are gathered into arcs of at most this length [s]."""
+
 _INSTANT = 1e-9
 _MOST_KNOTS = 512
-
-
-def _sent(command: tuple[float, float, float]) -> float:
-    return command[0]
+_MOST_COMMANDS = 64
 
 
 class WheelTrack:
@@ -35,15 +37,14 @@ class WheelTrack:
         limits: the robot's wheels, for the times that odometry does not cover.
     """
 
-    __slots__ = ("_commands", "_limits", "_modelled", "_settings", "_speeds", "_times")
+    __slots__ = ("_commands", "_knots", "_limits", "_modelled", "_settings")
 
     def __init__(self, settings: FilterSettings, limits: WheelLimits) -> None:
         self._settings = settings
         self._limits = limits
-        self._times: list[float] = []
-        self._speeds: list[tuple[float, float]] = []
+        self._knots: list[Timed] = []
         self._modelled = 0  # how many of the newest knots came from the model
-        self._commands: list[tuple[float, float, float]] = []
+        self._commands: list[Timed] = []
 
     def twist(self, t: float, v: float, omega: float) -> None:
         """File the odometry twist at ``t``. One that is not newer than the last is ignored.
@@ -53,14 +54,13 @@ class WheelTrack:
             v: forward speed of the nominal wheels [m/s].
             omega: turning speed of the nominal wheels [rad/s].
         """
-        while self._modelled and self._times[-1] >= t:
-            self._times.pop()
-            self._speeds.pop()
+        while self._modelled and self._knots[-1][0] >= t:
+            self._knots.pop()
             self._modelled -= 1
-        if self._times and t <= self._times[-1]:
+        if self._knots and t <= self._knots[-1][0]:
             return
         self._modelled = 0
-        self._file(t, v, omega)
+        self._file((t, v, omega))
 
     def command(self, t: float, v: float, omega: float) -> None:
         """File a command sent at ``t``, as it left the limits. One older than the last is ignored.
@@ -73,20 +73,23 @@ class WheelTrack:
         t += self._settings.command_delay
         if self._commands and t < self._commands[-1][0]:
             return
-        if not self._times:
-            self._file(t, 0.0, 0.0)
+        if not self._knots:
+            self._file((t, 0.0, 0.0))
             self._modelled = 1
-        elif t - self._times[-1] > self._settings.odometry_timeout:
+        elif t - self._knots[-1][0] > self._settings.odometry_timeout:
             for knot in self._ahead(t):
-                self._file(*knot)
+                self._file(knot)
                 self._modelled += 1
         self._commands.append((t, v, omega))
-        if len(self._commands) > 64 or self._commands[0][0] < t - self._settings.history:
-            keep = self._settings.history
-            self._commands = [c for c in self._commands[-64:] if c[0] >= t - keep]
+        oldest = t - self._settings.history
+        if len(self._commands) > _MOST_COMMANDS or self._commands[0][0] < oldest:
+            self._commands = [sent for sent in self._commands[-_MOST_COMMANDS:] if sent[0] >= oldest]
 
     def walk(self, start: float, end: float) -> tuple[list[Piece], tuple[float, float]]:
         """The arcs from ``start`` to ``end``, and the speeds there; zero when nothing was ever heard.
+
+        Knots closer together than 50 ms are gathered into arcs of about that length: what the mean speeds miss of a
+        50 ms arc is far below the slip, and the filter costs as much per arc as per knot.
 
         Args:
             start: when to begin [s, local clock].
@@ -95,42 +98,54 @@ class WheelTrack:
         Returns:
             ``([(v, omega, dt), ...], (v, omega))`` of the nominal wheels [m/s], [rad/s], [s].
         """
-        times, speeds = self._times, self._speeds
-        pieces: list[Piece] = []
-        if not times:
-            return [(0.0, 0.0, end - start)] if end > start else pieces, (0.0, 0.0)
-        i = bisect_right(times, start)
+        knots = self._knots
+        if not knots:
+            return [(0.0, 0.0, end - start)] if end > start else [], (0.0, 0.0)
+        i = bisect_right(knots, (start, math.inf, math.inf))
         t, (v, omega) = start, self._between(i, start)
-        while t < end and i < len(times):
-            t1, (v1, omega1) = (times[i], speeds[i]) if times[i] <= end else (end, self._between(i, end))
-            pieces.append((0.5 * (v + v1), 0.5 * (omega + omega1), t1 - t))
-            t, v, omega = t1, v1, omega1
-            i += 1
-        if end > times[-1]:
-            t, (v, omega) = times[-1], speeds[-1]
-            for t1, v1, omega1 in self._ahead(end):
-                if t1 > start:
-                    pieces.append((0.5 * (v + v1), 0.5 * (omega + omega1), t1 - max(t, start)))
-                t, v, omega = t1, v1, omega1
-        return pieces, (v, omega)
+        then = knots[i:]
+        if end > knots[-1][0]:
+            then += self._ahead(end)
+        arcs: list[Piece] = []
+        way = angle = span = 0.0  # of the arc being gathered
+        for t1, v1, omega1 in then:
+            if t >= end:
+                break
+            if t1 > t:
+                if t1 > end:
+                    part = (end - t) / (t1 - t)
+                    t1, v1, omega1 = end, v + part * (v1 - v), omega + part * (omega1 - omega)
+                dt = t1 - t
+                if span + dt > LONGEST_ARC and span > 0.0:
+                    arcs.append((way / span, angle / span, span))
+                    way = angle = span = 0.0
+                way += 0.5 * dt * (v + v1)
+                angle += 0.5 * dt * (omega + omega1)
+                span += dt
+                t = t1
+            v, omega = v1, omega1
+        if span > 0.0:
+            arcs.append((way / span, angle / span, span))
+        return arcs, (v, omega)
 
     def _between(self, i: int, t: float) -> tuple[float, float]:
         """Speeds at ``t``, that lies before knot ``i``; before the first and after the last knot, that knot's."""
-        if i == 0 or i == len(self._times):
-            return self._speeds[min(i, len(self._times) - 1)]
-        t0, (v0, omega0) = self._times[i - 1], self._speeds[i - 1]
-        v1, omega1 = self._speeds[i]
-        s = (t - t0) / (self._times[i] - t0)
-        return v0 + s * (v1 - v0), omega0 + s * (omega1 - omega0)
+        if i == 0 or i == len(self._knots):
+            _, v, omega = self._knots[min(i, len(self._knots) - 1)]
+            return v, omega
+        t0, v0, omega0 = self._knots[i - 1]
+        t1, v1, omega1 = self._knots[i]
+        part = (t - t0) / (t1 - t0)
+        return v0 + part * (v1 - v0), omega0 + part * (omega1 - omega0)
 
-    def _ahead(self, end: float) -> list[tuple[float, float, float]]:
-        """From the newest knot to ``end`` under the commands: ``(t, v, omega)`` after each step of the model."""
-        t, (v, omega) = self._times[-1], self._speeds[-1]
+    def _ahead(self, end: float) -> list[Timed]:
+        """From the newest knot to ``end`` under the commands: the knots that the wheel model predicts."""
+        t, v, omega = self._knots[-1]
         commands = self._commands
         if not commands:  # nobody tells what is sent: the wheels go on as they do
             return [(end, v, omega)] if end > t else []
-        steps: list[tuple[float, float, float]] = []
-        i = max(0, bisect_right(commands, t, key=_sent) - 1)
+        steps: list[Timed] = []
+        i = max(0, bisect_right(commands, (t, math.inf, math.inf)) - 1)
         v_cmd, omega_cmd, expires = v, omega, math.inf  # until the first command that is known
         while t < end - _INSTANT:
             while i < len(commands) and commands[i][0] <= t + _INSTANT:
@@ -139,17 +154,15 @@ class WheelTrack:
                 i += 1
             if t >= expires - _INSTANT:
                 v_cmd, omega_cmd, expires = 0.0, 0.0, math.inf
-            t1 = min(end, t + _MODEL_STEP, expires, commands[i][0] if i < len(commands) else math.inf)
+            t1 = min(end, t + LONGEST_ARC, expires, commands[i][0] if i < len(commands) else math.inf)
             v, omega = step_wheels(v, omega, v_cmd, omega_cmd, self._limits, t1 - t)
             t = t1
             steps.append((t, v, omega))
         return steps
 
-    def _file(self, t: float, v: float, omega: float) -> None:
-        self._times.append(t)
-        self._speeds.append((v, omega))
-        horizon = t - self._settings.history - self._settings.odometry_timeout
-        if len(self._times) > _MOST_KNOTS or self._times[0] < horizon - 1.0:
-            first = max(0, bisect_right(self._times, horizon) - 1, len(self._times) - _MOST_KNOTS)
-            del self._times[:first]
-            del self._speeds[:first]
+    def _file(self, knot: Timed) -> None:
+        self._knots.append(knot)
+        horizon = knot[0] - self._settings.history - self._settings.odometry_timeout
+        if len(self._knots) > _MOST_KNOTS or self._knots[0][0] < horizon - 1.0:
+            kept = bisect_right(self._knots, (horizon, math.inf, math.inf)) - 1
+            del self._knots[: max(0, kept, len(self._knots) - _MOST_KNOTS)]

@@ -238,13 +238,13 @@ def test_commands_that_cease_mean_the_dead_man() -> None:
 def test_memory_is_bounded() -> None:
     room = Room(12)
     room.run(20.0, circling)
-    sizes = [len(room.filter._anchors), len(room.filter._track._times), len(room.filter._track._commands)]
+    sizes = [len(room.filter._anchors), len(room.filter._track._knots), len(room.filter._track._commands)]
     room.run(20.0, circling)
     assert max(sizes) < 200
     for k in range(4000):  # a burst that never ends at one time
         room.filter.twist(room.now + 1e-6 * k, 0.2, 0.3)
         room.filter.command(room.now, 0.2, 0.3)
-    assert len(room.filter._track._times) <= 512
+    assert len(room.filter._track._knots) <= 512
     assert len(room.filter._track._commands) <= 65
 
 

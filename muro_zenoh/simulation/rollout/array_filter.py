@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation import ekf
 from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
+from muro_zenoh.estimation.wheel_track import LONGEST_ARC
 
 
 class ArrayFilter:
@@ -54,11 +56,13 @@ class ArrayFilter:
             Squared Mahalanobis distances (N,); those beyond the gate were not used.
         """
         stretch = ekf.begin(self.mean)
+        pieces: list[tuple[Array, float]] = []
         left = since_last
         while left > 1e-9:
-            (v, omega), dt = self._since.popleft()
+            pieces.append(self._since.popleft())
+            left -= pieces[-1][1]
+        for (v, omega), dt in _gather(pieces):
             stretch = ekf.drive(stretch, self.mean, v, omega, dt, self._settings)
-            left -= dt
         mean, cov = ekf.predict(self.mean, self.cov, stretch, self._settings)
         used_mean, used_cov, nis = ekf.correct(mean, cov, fix, stretch.moved_v, stretch.moved_w, self._settings)
         taken: Array = np.asarray(nis)
@@ -83,7 +87,7 @@ class ArrayFilter:
         mean = self.mean
         scales = np.stack((mean.s_v, mean.s_omega))
         x, y, theta = mean.x, mean.y, mean.theta
-        for speeds, dt in self._since:
+        for speeds, dt in _gather(self._since):
             v, omega = scales * speeds
             x, y, theta = ekf.carry(x, y, theta, v, omega, dt)
         then = self._speeds
@@ -93,3 +97,16 @@ class ArrayFilter:
             x, y, theta = ekf.carry(x, y, theta, v, omega, horizon)
         v, omega = scales * then
         return x, y, theta, v, omega
+
+
+def _gather(pieces: Iterable[tuple[Array, float]]) -> list[tuple[Array, float]]:
+    """Pieces put together to arcs of at most about 50 ms, as the agent's wheel track does."""
+    arcs: list[tuple[Array, float]] = []
+    for speeds, dt in pieces:
+        if arcs and arcs[-1][1] + dt <= LONGEST_ARC:
+            before, span = arcs[-1]
+            whole = span + dt
+            arcs[-1] = before * (span / whole) + speeds * (dt / whole), whole
+        else:
+            arcs.append((speeds, dt))
+    return arcs

@@ -15,7 +15,6 @@ from muro_zenoh.geometry import TWO_PI, Circle
 from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
 from muro_zenoh.simulation.rollout.settings import LoopSettings
 
-
 _TURNING = 0.1
 """From this rate on a robot counts as turning [rad/s]: the small corrections of a straight approach show no scale."""
 
