@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import logging
 import sys
 from pathlib import Path
@@ -32,7 +33,10 @@ _HEALTH_PERIOD = 1.0
 
 _ADOPTION = 0.15
 """After a start the robots' health is heard for so long before the stop state goes out [s]: a stop that an operator
-gave while no base station ran must not be contradicted by the file."""
+gave while no base station ran must not be contradicted by the file ..."""
+
+_LONGEST_ADOPTION = 1.5
+"""... and for so long at most, until each agent that is alive has said its health [s]."""
 
 
 class Station:
@@ -65,6 +69,7 @@ class Station:
         self._snapshot_at = 0.0
         self._frames = 0
         self._bad_frames = 0
+        self._heard: set[str] = set()
         self._adopted = False
 
     async def run(self) -> None:
@@ -141,6 +146,10 @@ class Station:
 
     async def _keep(self) -> None:
         await asyncio.sleep(_ADOPTION)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_LONGEST_ADOPTION - _ADOPTION):
+                while not self._roster.of("agent") <= self._heard:  # noqa: ASYNC110 - a roster and a mailbox at once
+                    await asyncio.sleep(0.02)
         self._adopted = True
         while True:
             self._publish_kept()
@@ -164,7 +173,15 @@ class Station:
         """Hear what the robots latched: an operator's stop that this process never heard is kept from now on."""
         async for received in self._healths:
             health = received.message
-            if health.role == "agent" and self._kept.adopt(received.name, health):
+            if health.role != "agent":
+                continue
+            try:
+                adopted = self._kept.adopt(received.name, health)
+            except ConfigError as error:
+                log.error("the stop state of %s is not kept: %s", received.name, error)
+                adopted = True
+            self._heard.add(received.name)
+            if adopted:
                 log.warning("took over the stop state of %s: %s", received.name, self._kept.stop)
                 self._publish_kept()
 

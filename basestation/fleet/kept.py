@@ -6,7 +6,6 @@ Every change goes through here, raises the revision, and is on the disk before i
 from __future__ import annotations
 
 import json
-import logging
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +20,8 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Behaviour, Health, Name, Reply, Resume, SetBehaviour, SetCircle, Stop, StopOrder, Value
 from muro_zenoh.messages import Circle as CircleMessage
 
-log = logging.getLogger(__name__)
+_MOST_REVISION = 2**53
+"""Whoever says a greater one is not believed: whole numbers above it are not exact in every language."""
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,7 +35,10 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All that outlives the base station.
 
     Attributes:
-        revision: rises with every change; the messages carry it.
+        revision: rises with every change; the circle and the behaviours carry it.
+        stop_revision: the revision of the newest change of the stop, which stop orders carry. It has one of its own,
+            because a newer revision lifts a stop that robots heard straight from an operator: a change of the circle
+            must not.
         x: of the circle's centre [m, world].
         y: of the circle's centre [m, world].
         radius: of the circle [m].
@@ -46,6 +49,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     revision: Annotated[int, Meta(ge=0)] = 1
+    stop_revision: Annotated[int, Meta(ge=0)] = 1
     x: float
     y: float
     radius: Annotated[float, Meta(gt=0)]
@@ -63,7 +67,8 @@ class Kept:
         path: the file; None keeps nothing beyond this process.
 
     Raises:
-        ConfigError: the file is there and is not such a state. (Starting from scratch instead could lift a stop.)
+        ConfigError: the file is there and is not such a state (starting from scratch instead could lift a stop), or
+            it cannot be written, as may also be said of every later change.
 
     Attributes:
         state: the state.
@@ -88,7 +93,7 @@ class Kept:
     @property
     def stop(self) -> StopOrder:
         """The stop order, to be published."""
-        return StopOrder(all=self.state.stop_all, names=self.state.stop_names, revision=self.state.revision)
+        return StopOrder(all=self.state.stop_all, names=self.state.stop_names, revision=self.state.stop_revision)
 
     def behaviour(self, name: str) -> Behaviour:
         """A robot's behaviour, to be published."""
@@ -129,14 +134,14 @@ class Kept:
     def set_stop(self, order: Stop) -> Reply:
         """Stop some robots, or everybody. Never refused for a robot that is not in the fleet file."""
         names = tuple(sorted({*self.state.stop_names, *order.names}))
-        self._change(stop_all=self.state.stop_all or not order.names, stop_names=names)
+        self._change_stop(0, self.state.stop_all or not order.names, names)
         return self._accept()
 
     def resume(self, order: Resume) -> Reply:
         """Lift the stop of some robots, or everybody's; refused when it has changed since the operator looked."""
-        if order.revision < self.state.revision and (self.state.stop_all or self.state.stop_names):
+        if order.revision < self.state.stop_revision and (self.state.stop_all or self.state.stop_names):
             return self._refuse(
-                f"resume: got revision {order.revision}, expected {self.state.revision}: "
+                f"resume: got revision {order.revision}, expected {self.state.stop_revision}: "
                 "an order came in between; look again, then resume"
             )
         unknown = self._unknown(order.names)
@@ -144,12 +149,12 @@ class Kept:
             return self._refuse(unknown)
         if order.names and self.state.stop_all:
             rest = tuple(name for name in self._scenario.robots if name not in order.names)
-            self._change(order.revision, stop_all=False, stop_names=rest)
+            self._change_stop(order.revision, False, rest)
         elif order.names:
             rest = tuple(name for name in self.state.stop_names if name not in order.names)
-            self._change(order.revision, stop_names=rest)
+            self._change_stop(order.revision, self.state.stop_all, rest)
         else:
-            self._change(order.revision, stop_all=False, stop_names=())
+            self._change_stop(order.revision, False, ())
         return self._accept()
 
     def adopt(self, name: str, health: Health) -> bool:
@@ -159,25 +164,42 @@ class Kept:
             name: of the robot.
             health: what its agent says.
         """
-        if health.stop_latched and health.stop_revision >= self.state.revision:
-            already = self.state.stop_all or (not health.stop_all and name in self.state.stop_names)
-            if already and health.stop_revision == self.state.revision:
+        s = self.state
+        heard = health.stop_revision if health.stop_revision <= _MOST_REVISION else s.stop_revision
+        if health.stop_latched and heard >= s.stop_revision:
+            already = s.stop_all or (not health.stop_all and name in s.stop_names)
+            if already and heard == s.stop_revision:
                 return False
-            names = self.state.stop_names if health.stop_all else tuple(sorted({*self.state.stop_names, name}))
-            self._change(health.stop_revision, stop_all=self.state.stop_all or health.stop_all, stop_names=names)
+            names = s.stop_names if health.stop_all else tuple(sorted({*s.stop_names, name}))
+            self._change_stop(heard, s.stop_all or health.stop_all, names)
             return True
-        if health.stop_revision > self.state.revision:
-            self._change(health.stop_revision)
+        if heard > s.stop_revision:
+            self._change_stop(heard, s.stop_all, s.stop_names)
             return True
         return False
 
     # ---- inside
 
-    def _change(self, at_least: int = 0, /, **fields: object) -> None:
-        revision = max(self.state.revision, at_least) + 1
-        self.state = msgspec.structs.replace(self.state, revision=revision, **fields)
+    def _change_stop(self, at_least: int, everybody: bool, names: tuple[str, ...]) -> None:
+        revision = self._next_revision(at_least)
+        new = msgspec.structs.replace(
+            self.state, revision=revision, stop_revision=revision, stop_all=everybody, stop_names=names
+        )
+        if everybody or set(names) > set(self.state.stop_names):
+            self.state = new  # a stop holds even where the disk is full
+        self._keep(new)
+
+    def _change(self, **fields: object) -> None:
+        self._keep(msgspec.structs.replace(self.state, revision=self._next_revision(), **fields))
+
+    def _next_revision(self, at_least: int = 0) -> int:
+        known = at_least if at_least <= _MOST_REVISION else 0
+        return max(self.state.revision, self.state.stop_revision, known) + 1
+
+    def _keep(self, new: KeptState) -> None:
         if self._path is not None:
-            _save(self._path, self.state)
+            _save(self._path, new)
+        self.state = new
 
     def _unknown(self, names: Sequence[str]) -> str:
         known = self._scenario.robots
@@ -220,10 +242,15 @@ def _load(path: Path) -> KeptState:
 
 def _save(path: Path, state: KeptState) -> None:
     """Replace the file at once: after a crash it holds the old state or the new one, never a half."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     scratch = path.with_suffix(path.suffix + ".new")
-    with scratch.open("w") as file:
-        json.dump(msgspec.to_builtins(state), file, indent=1)
-        file.flush()
-        os.fsync(file.fileno())
-    scratch.replace(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with scratch.open("w") as file:
+            json.dump(msgspec.to_builtins(state), file, indent=1)
+            file.flush()
+            os.fsync(file.fileno())
+        scratch.replace(path)
+    except OSError as error:
+        raise ConfigError(
+            str(path), got=error.strerror or str(error), expected="a file to keep the lab's state in"
+        ) from error

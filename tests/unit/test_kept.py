@@ -1,0 +1,377 @@
+"""The kept state of the lab: orders, revisions, the file, and stops that were given while no base station ran."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from basestation.fleet.kept import Kept
+from muro_zenoh.config import Scenario, parse_scenario
+from muro_zenoh.errors import ConfigError
+from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
+
+
+def scenario(robots: int = 3, **behaviour: object) -> Scenario:
+    table = {"robots": robots, "behaviour": {"name": "pursuit", "cruise": 0.15, **behaviour}}
+    return parse_scenario(table, "lab.toml", name="lab")
+
+
+def fresh(path: Path | None = None, robots: int = 3) -> Kept:
+    return Kept(scenario(robots), path)
+
+
+def stopped(kept: Kept) -> tuple[bool, tuple[str, ...]]:
+    return kept.stop.all, kept.stop.names
+
+
+def said(latched: bool, revision: int, everybody: bool = False) -> Health:
+    return Health(role="agent", state="x", stop_latched=latched, stop_all=everybody, stop_revision=revision)
+
+
+# ---- the start
+
+
+def test_it_begins_as_the_scenario_says() -> None:
+    kept = fresh()
+    assert (kept.circle.x, kept.circle.y, kept.circle.radius, kept.circle.clockwise) == (0.0, 0.0, 0.8, False)
+    assert kept.behaviour("r2").behaviour == "pursuit"
+    assert kept.behaviour("r2").parameters == {"cruise": 0.15}
+    assert stopped(kept) == (False, ())
+    assert kept.stop.revision > 0
+
+
+# ---- the circle
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        (SetCircle(radius=0.9), (0.0, 0.0, 0.9, False)),
+        (SetCircle(clockwise=True), (0.0, 0.0, 0.8, True)),
+        (SetCircle(x=0.5), (0.5, 0.0, 0.8, False)),
+        (SetCircle(y=-0.3), (0.0, -0.3, 0.8, False)),
+        (SetCircle(), (0.0, 0.0, 0.8, False)),
+    ],
+)
+def test_a_circle_order_changes_what_it_names(order: SetCircle, expected: tuple[object, ...]) -> None:
+    kept = fresh()
+    before = kept.state.revision
+    reply = kept.set_circle(order)
+    assert reply.accepted
+    assert reply.revision == kept.circle.revision == before + 1
+    c = kept.circle
+    assert (c.x, c.y, c.radius, c.clockwise) == expected
+
+
+@pytest.mark.parametrize(
+    "order", [SetCircle(radius=1.4), SetCircle(x=1.5), SetCircle(y=-9.0), SetCircle(x=1e308), SetCircle(radius=1e308)]
+)
+def test_a_circle_that_leaves_the_arena_is_refused(order: SetCircle) -> None:
+    kept = fresh()
+    before = kept.state
+    reply = kept.set_circle(order)
+    assert not reply.accepted
+    assert "stay inside the arena" in reply.reason
+    assert kept.state == before
+
+
+def test_a_refusal_says_how_large_a_circle_may_be() -> None:
+    reply = fresh().set_circle(SetCircle(radius=1.4))
+    assert "expected at most 1.323 m" in reply.reason  # 1.5 m to the wall less a body of 0.177 m
+
+
+# ---- the behaviours
+
+
+def test_a_behaviour_order_changes_those_it_names() -> None:
+    kept = fresh()
+    assert kept.set_behaviour(SetBehaviour(behaviour="circle", parameters={"speed": 0.1}, names=("r1", "r3"))).accepted
+    assert [kept.behaviour(name).behaviour for name in ("r1", "r2", "r3")] == ["circle", "pursuit", "circle"]
+    assert kept.behaviour("r1").parameters == {"speed": 0.1}
+
+
+def test_a_behaviour_order_without_names_is_for_everybody() -> None:
+    kept = fresh()
+    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    assert {kept.behaviour(name).behaviour for name in ("r1", "r2", "r3")} == {"hold"}
+
+
+def test_a_behaviour_order_to_a_stranger_is_refused() -> None:
+    kept = fresh()
+    before = kept.state
+    reply = kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r1", "r8", "r9")))
+    assert (reply.accepted, reply.reason) == (False, "robot r8, r9: expected names out of r1, r2, r3")
+    assert kept.state == before
+
+
+# ---- stop and resume
+
+
+def test_stops_add_up() -> None:
+    kept = fresh()
+    assert kept.set_stop(Stop(names=("r2",))).accepted
+    assert stopped(kept) == (False, ("r2",))
+    kept.set_stop(Stop(names=("r1",)))
+    assert stopped(kept) == (False, ("r1", "r2"))
+    kept.set_stop(Stop())
+    assert stopped(kept) == (True, ("r1", "r2"))
+
+
+def test_a_stop_of_a_robot_that_no_file_names_is_kept_too() -> None:
+    kept = fresh()
+    assert kept.set_stop(Stop(names=("visitor",))).accepted
+    assert stopped(kept) == (False, ("visitor",))
+
+
+def test_resume_lifts_everything() -> None:
+    kept = fresh()
+    kept.set_stop(Stop(names=("r1",)))
+    kept.set_stop(Stop())
+    before = kept.stop.revision
+    assert kept.resume(Resume(revision=before)).accepted
+    assert stopped(kept) == (False, ())
+    assert kept.stop.revision > before  # only a newer revision lifts what the robots latched
+
+
+def test_resume_of_one_leaves_the_others_stopped() -> None:
+    kept = fresh()
+    kept.set_stop(Stop())
+    assert kept.resume(Resume(revision=kept.stop.revision, names=("r2",))).accepted
+    assert stopped(kept) == (False, ("r1", "r3"))
+    assert kept.resume(Resume(revision=kept.stop.revision, names=("r3",))).accepted
+    assert stopped(kept) == (False, ("r1",))
+
+
+def test_resume_is_refused_when_a_stop_came_in_between() -> None:
+    kept = fresh()
+    kept.set_stop(Stop(names=("r1",)))
+    looked = kept.stop.revision
+    kept.set_stop(Stop(names=("r2",)))
+    reply = kept.resume(Resume(revision=looked))
+    assert not reply.accepted
+    assert f"got revision {looked}, expected {kept.stop.revision}" in reply.reason
+    assert stopped(kept) == (False, ("r1", "r2"))
+
+
+def test_a_change_of_the_circle_is_no_reason_to_refuse_a_resume() -> None:
+    kept = fresh()
+    kept.set_stop(Stop())
+    looked = kept.stop.revision
+    kept.set_circle(SetCircle(radius=0.9))
+    assert kept.resume(Resume(revision=looked)).accepted
+
+
+def test_resume_of_a_stranger_is_refused() -> None:
+    kept = fresh()
+    kept.set_stop(Stop())
+    reply = kept.resume(Resume(revision=kept.stop.revision, names=("r9",)))
+    assert (reply.accepted, reply.reason) == (False, "robot r9: expected names out of r1, r2, r3")
+    assert stopped(kept) == (True, ())
+
+
+def test_resume_when_nobody_is_stopped_is_harmless() -> None:
+    kept = fresh()
+    assert kept.resume(Resume(revision=0)).accepted
+    assert stopped(kept) == (False, ())
+
+
+def test_every_change_raises_the_revision() -> None:
+    kept = fresh()
+    seen = [kept.state.revision]
+    kept.set_circle(SetCircle(radius=0.7))
+    seen.append(kept.state.revision)
+    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    seen.append(kept.state.revision)
+    kept.set_stop(Stop())
+    seen.append(kept.state.revision)
+    kept.resume(Resume(revision=kept.stop.revision))
+    seen.append(kept.state.revision)
+    assert seen == sorted(set(seen))
+
+
+def test_only_a_change_of_the_stop_raises_its_revision() -> None:
+    kept = fresh()
+    before = kept.stop.revision
+    kept.set_circle(SetCircle(radius=0.7))
+    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    assert kept.stop.revision == before
+    kept.set_stop(Stop(names=("r1",)))
+    assert kept.stop.revision > before
+
+
+# ---- stops that this process never heard
+
+
+@pytest.mark.parametrize("ahead", [0, 1, 7])
+def test_a_stop_to_everybody_is_taken_over_from_a_robot(ahead: int) -> None:
+    kept = fresh()
+    revision = kept.stop.revision + ahead
+    assert kept.adopt("r1", said(True, revision, everybody=True))
+    assert stopped(kept) == (True, ())
+    assert kept.stop.revision > revision
+
+
+def test_a_stop_by_name_is_taken_over_from_a_robot() -> None:
+    kept = fresh()
+    revision = kept.stop.revision
+    assert kept.adopt("r1", said(True, revision))
+    assert kept.adopt("r2", said(True, kept.stop.revision))
+    assert stopped(kept) == (False, ("r1", "r2"))
+    # They go on saying so; it is known now.
+    assert not kept.adopt("r1", said(True, kept.stop.revision))
+    assert not kept.adopt("r1", said(True, revision))
+
+
+def test_a_stop_that_was_lifted_is_not_taken_over_again() -> None:
+    kept = fresh()
+    kept.set_stop(Stop())
+    old = kept.stop.revision
+    kept.resume(Resume(revision=old))
+    assert not kept.adopt("r1", said(True, old, everybody=True))
+    assert stopped(kept) == (False, ())
+
+
+def test_a_change_of_the_circle_does_not_lift_a_stop_that_robots_heard_straight_from_an_operator() -> None:
+    kept = fresh()
+    heard = kept.stop.revision  # the operator's order carries the revision that everybody had
+    kept.set_circle(SetCircle(radius=0.9))
+    assert kept.stop.revision == heard  # at a tie the robots stay stopped
+    assert kept.adopt("r1", said(True, heard, everybody=True))
+    assert stopped(kept) == (True, ())
+
+
+def test_a_robot_that_knows_a_newer_revision_is_caught_up_with() -> None:
+    kept = fresh()
+    assert kept.adopt("r1", said(False, 40))
+    assert kept.stop.revision > 40
+    assert stopped(kept) == (False, ())
+
+
+def test_a_robot_that_heard_nothing_changes_nothing() -> None:
+    kept = fresh()
+    before = kept.state
+    assert not kept.adopt("r1", said(False, 0))
+    assert kept.state == before
+
+
+@pytest.mark.parametrize("absurd", [2**53 + 1, 2**64 - 1])
+def test_a_revision_that_no_count_can_reach_stops_but_is_not_taken_over(absurd: int) -> None:
+    kept = fresh()
+    assert kept.adopt("r1", said(True, absurd, everybody=True))
+    assert stopped(kept) == (True, ())
+    assert kept.stop.revision < 100
+    assert not kept.adopt("r1", said(True, absurd, everybody=True))
+    kept.resume(Resume(revision=absurd))
+    assert stopped(kept) == (False, ())
+    # It still goes over the wire.
+    assert decode(encode(msgspec.structs.replace(kept.stop, stamp=1.0)), StopOrder).revision < 100
+
+
+# ---- the file
+
+
+def test_all_of_it_outlives_the_process(tmp_path: Path) -> None:
+    path = tmp_path / "folder" / "state.json"
+    kept = fresh(path)
+    kept.set_circle(SetCircle(x=0.2, y=-0.1, radius=0.6, clockwise=True))
+    kept.set_behaviour(
+        SetBehaviour(behaviour="mylab.swarm:flock", parameters={"gain": 1, "goals": ((0.5, 1.0),)}, names=("r2",))
+    )
+    kept.set_stop(Stop(names=("r3",)))
+    again = fresh(path)
+    assert again.state == kept.state
+    assert again.behaviour("r2").parameters == {"gain": 1, "goals": ((0.5, 1.0),)}
+    assert stopped(again) == (False, ("r3",))
+    assert again.stop.revision == kept.stop.revision
+
+
+def test_without_a_file_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    fresh(None).set_stop(Stop())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_robot_that_the_file_does_not_know_begins_as_the_scenario_says(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path, robots=2)
+    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    kept.set_stop(Stop(names=("r1",)))
+    stop = kept.stop
+    again = fresh(path, robots=3)
+    assert [again.behaviour(name).behaviour for name in ("r1", "r2", "r3")] == ["hold", "hold", "pursuit"]
+    assert again.stop == stop  # a newer robot lifts nobody's stop
+    assert fresh(path, robots=3).state == again.state
+
+
+def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    reply = kept.set_stop(Stop())
+    assert json.loads(path.read_text())["stop_all"] is True
+    assert json.loads(path.read_text())["revision"] == reply.revision
+    assert [p.name for p in tmp_path.iterdir()] == ["state.json"]
+
+
+def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    kept.set_circle(SetCircle(radius=0.6))
+    before = path.read_bytes()
+
+    def crash(fd: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", crash)
+    with pytest.raises(ConfigError, match=r"state\.json: got No space left on device"):
+        kept.set_circle(SetCircle(radius=0.7))
+    assert path.read_bytes() == before
+    assert kept.circle.radius == 0.6  # what was refused does not hold
+    monkeypatch.undo()
+    assert fresh(path).circle.radius == 0.6
+
+
+def test_a_stop_holds_even_where_the_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = fresh(tmp_path / "state.json")
+
+    def full(fd: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ConfigError):
+        kept.set_stop(Stop(names=("r1",)))
+    assert stopped(kept) == (False, ("r1",))
+    with pytest.raises(ConfigError):
+        kept.set_stop(Stop())
+    assert stopped(kept) == (True, ("r1",))
+    with pytest.raises(ConfigError):
+        kept.resume(Resume(revision=kept.stop.revision))
+    assert stopped(kept) == (True, ("r1",))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"\xff\xfe", b"[]", b'{"revision": 1}', b'{"revision": "one"}', b"null"],
+    ids=["empty", "half", "no text", "a list", "incomplete", "wrong type", "null"],
+)
+def test_a_file_that_is_no_state_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "state.json"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as caught:
+        fresh(path)
+    assert str(path) in str(caught.value)
+    assert "a stop order in it is then forgotten" in str(caught.value)
+    assert path.read_bytes() == content
+
+
+def test_a_state_with_a_wrong_value_or_key_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    fresh(path).set_stop(Stop())
+    good = json.loads(path.read_text())
+    for change in ({"radius": 0.0}, {"stop_all": "yes"}, {"stop_names": ["R 1"]}, {"speed": 1.0}):
+        path.write_text(json.dumps({**good, **change}))
+        with pytest.raises(ConfigError, match="no kept state"):
+            fresh(path)
