@@ -88,7 +88,7 @@ async def _run(order: Order, supervisor: Supervisor, screen: Screen) -> dict[str
     began = asyncio.get_running_loop().time()
     scenario = order.scenario
     if order.connect is None:
-        scenario, _ = await launch.start_router(supervisor, scenario, order.folder)
+        scenario, starting = await launch.start_all(supervisor, scenario, order.seed, order.folder)
         endpoint = scenario.bus.connect[0]
         if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
             screen.tell(
@@ -97,10 +97,9 @@ async def _run(order: Order, supervisor: Supervisor, screen: Screen) -> dict[str
             )
     else:
         scenario = launch.connected_to(scenario, order.connect)
-    file = launch.write_scenario(scenario, order.folder)
-    starting = asyncio.create_task(
-        supervisor.start(launch.fleet_specs(scenario, file, order.seed, order.folder)), name="start the fleet"
-    )
+        file = launch.write_scenario(scenario, order.folder)
+        specs = launch.fleet_specs(scenario, file, order.seed, order.folder)
+        starting = asyncio.create_task(supervisor.start(specs), name="start the fleet")
     try:
         async with open_bus(scenario.bus) as bus:
             collector = Collector(bus, scenario)

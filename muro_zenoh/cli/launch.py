@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import difflib
 import importlib.util
 import json
@@ -141,32 +142,48 @@ def connected_to(scenario: Scenario, endpoint: str) -> Scenario:
     return msgspec.structs.replace(scenario, bus=bus)
 
 
-async def start_router(supervisor: Supervisor, scenario: Scenario, folder: Path) -> tuple[Scenario, Child]:
-    """Start a router on the usual port, or on a free one when that is taken, and wait until it is ready.
+async def start_all(
+    supervisor: Supervisor, scenario: Scenario, seed: int, folder: Path
+) -> tuple[Scenario, asyncio.Task[list[Child]]]:
+    """Start a router on the usual port, or on a free one when that is taken, and all others beside it.
+
+    They start together because most of a start is importing; a client waits for its router.
 
     Args:
-        supervisor: keeps it.
+        supervisor: keeps them.
         scenario: the scenario.
+        seed: of the simulator.
         folder: of the run; the scenario is written there.
 
     Returns:
-        The scenario with everybody connected to it, and the router.
+        The scenario with everybody connected to the router, which is ready; and the task that ends when the others are.
 
     Raises:
-        SupervisionError: it does not start.
+        SupervisionError: a process does not start.
     """
     for attempt in range(1, _PORT_TRIES + 1):
         port = free_port(PORT)
         connected = connected_to(scenario, f"tcp/{HOST}:{port}")
         file = write_scenario(connected, folder)
+        # The router first, so that it is ended last.
+        routing = asyncio.create_task(supervisor.start([router_spec(file)]), name="start the router")
+        others = asyncio.create_task(
+            supervisor.start(fleet_specs(connected, file, seed, folder)), name="start the fleet"
+        )
         try:
-            (router,) = await supervisor.start([router_spec(file)])
-        except SupervisionError:
+            await routing
+        except BaseException as error:
+            for task in (routing, others):
+                task.cancel()
+            await asyncio.wait({routing, others})
+            for task in (routing, others):
+                if not task.cancelled():
+                    task.exception()  # the one that is raised here is told
             # Somebody may have taken the port between our look and the router's.
-            if attempt == _PORT_TRIES or free_port(port) == port:
-                raise
-            continue
-        return connected, router
+            if isinstance(error, SupervisionError) and attempt < _PORT_TRIES and free_port(port) != port:
+                continue
+            raise
+        return connected, others
     raise AssertionError("unreachable")
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
 import click
 
 from muro_zenoh.cli.options import assignments, example
+from muro_zenoh.errors import ConfigError
 
 
 @click.command(
@@ -75,6 +77,10 @@ def run(
     if connect is not None:
         lay_over(None, {"connect": (connect,)})
     check_own_packages()
+    if report is not None and not os.access(report.parent, os.W_OK):
+        raise ConfigError(
+            "--report", got=f"{report}, whose folder is not there to write to", expected="a file that can be written"
+        )
     folder = make_run_folder(resolved.name)
     order = Order(resolved, folder, seed, connect, report, headless or not sys.stdout.isatty())
     raise SystemExit(run_process(lambda: conduct(order), "muro"))

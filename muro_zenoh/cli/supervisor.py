@@ -119,17 +119,18 @@ class Supervisor:
             task.add_done_callback(self._on_kept)
             group.append((child, task))
         self._groups.append(group)
+        failed = self._failed
         all_ready = asyncio.gather(*(child.ready.wait() for child, _ in group))
+        waits: set[asyncio.Future[Any]] = {all_ready, failed}
         try:
-            waits: set[asyncio.Future[Any]] = {all_ready, self._failed}
             await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
             if not all_ready.done():
-                raise self._failed.result()
+                raise failed.result()
         except BaseException:
             self._groups.remove(group)
             await self._end(group)
-            if self._failed.done() and not self._stopping:
-                self._failed = asyncio.get_running_loop().create_future()
+            if failed.done() and failed is self._failed:
+                self._failed = asyncio.get_running_loop().create_future()  # a next attempt is a new one
             raise
         finally:
             all_ready.cancel()

@@ -119,6 +119,7 @@ def test_a_wrong_setting(given: str, said: str) -> None:
         (["run", "pursuit", "--robots", "0"], "0 is not in the range x>=1"),
         (["run", "pursuit", "--robots", "40"], "At most 14 robots fit"),
         (["run", "pursuit", "--duration", "0"], "not in the range x>0"),
+        (["run", "pursuit", "--report", "nowhere/r.json"], "--report: got nowhere/r.json, whose folder is not there"),
         (["run", "pursuit", "--connect", "lab:7447"], "--connect: got 'lab:7447', expected an endpoint"),
         (["agent", "pursuit", "r1", "--listen", "7447"], "--listen: got '7447', expected an endpoint"),
         (["agent", "pursuit", "r1", "--realm", "My lab"], "--realm: got 'My lab'"),
