@@ -27,7 +27,7 @@ def load_function(name: str) -> Callable[..., Any]:
         raise BehaviourError(f"{name!r}: {error}; is the file's folder on the agent's path (PYTHONPATH)?") from error
     except AttributeError:
         raise BehaviourError(f"{name!r}: module {module_name} has no function {function_name!r}") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a script without a guard leaves when it is imported
         raise BehaviourError(f"{name!r}: importing {module_name} failed: {error!r}") from error
     if not callable(function):
         raise BehaviourError(f"{name!r}: got {function!r}, expected a function")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 
 from agents.behaviours import load_behaviour
@@ -56,14 +55,23 @@ class Behave:
         log.info("behaviour %s %s", order.behaviour, order.parameters or "")
         try:
             await load_behaviour(order.behaviour)(self._robot)
-        except (MuroError, ValueError) as error:
+        except* (MuroError, ValueError) as group:  # a behaviour of several tasks raises a group
+            error = _first(group)
             log.error("%s", error)
             self._robot.hold(f"behaviour {order.behaviour}: {error}")
         else:
             self._robot.hold(f"behaviour {order.behaviour} has ended")
 
 
+def _first(group: BaseExceptionGroup[Exception]) -> Exception:
+    error: Exception | BaseExceptionGroup[Exception] = group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
+
+
 async def _cancel(task: asyncio.Task[None]) -> None:
+    """Cancel a task and wait for its end. Were it awaited itself, its end could not be told from our own cancellation,
+    which must not be lost."""
     task.cancel()
-    with contextlib.suppress(asyncio.CancelledError):
-        await task
+    await asyncio.wait({task})
