@@ -44,7 +44,7 @@ def test_the_seeds_law_stalls_when_its_steady_speed_is_out_of_reach() -> None:
     assert np.abs(gap - math.pi).max() > 1.5
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     angles=st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=8),
     clockwise=st.booleans(),

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from muro_zenoh.planning.arena import Bounds
@@ -102,7 +102,6 @@ def test_sites_in_a_line_work_too() -> None:
         assert [area(p) for p in polygons] == pytest.approx([1.1 * 3, 3.0, 3.0, 1.1 * 3])
 
 
-@settings(deadline=None)
 @given(sites=st.lists(SITE, min_size=1, max_size=12), probe=SITE)
 def test_cells_are_what_is_nearest(sites: list[Point], probe: Point) -> None:
     distances = [math.dist(probe, site) for site in sites]
@@ -117,7 +116,6 @@ def test_cells_are_what_is_nearest(sites: list[Point], probe: Point) -> None:
             assert shapely.Polygon(polygon).distance(point) > 0.0
 
 
-@settings(deadline=None)
 @given(sites=st.lists(SITE, min_size=1, max_size=12, unique=True))
 def test_cells_share_the_arena_out_and_run_counter_clockwise(sites: list[Point]) -> None:
     assume(len(set(same_place(sites))) == len(sites))
