@@ -51,7 +51,7 @@ def test_every_law_converges_from_random_starts_with_saturated_turning(
 
 
 @pytest.mark.parametrize("name", ["vector_field", "lqr"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     x=st.floats(-3.0, 3.0),
     y=st.floats(-3.0, 3.0),

@@ -106,7 +106,7 @@ def test_random_dubins_paths_are_tracked_and_ended_within_tolerance() -> None:
     assert fast > 30
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     lateral=st.floats(-0.2, 0.2),
     dtheta=st.floats(-1.0, 1.0),
