@@ -10,35 +10,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import signal
-import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
+from muro_zenoh.cli.child import Child, ChildSpec, how_it_ended
 from muro_zenoh.errors import SupervisionError
-from muro_zenoh.runtime.process import LIFELINE, WRONG_USE
+from muro_zenoh.runtime.process import WRONG_USE
 
-_TAIL_LINES = 12
-_TAIL_BYTES = 16384
-
-
-@dataclass(frozen=True, slots=True)
-class ChildSpec:
-    """What to start.
-
-    Attributes:
-        name: of the process; its log is ``<name>.log``.
-        command: program and arguments.
-        environment: its whole environment; the lifeline is added.
-    """
-
-    name: str
-    command: tuple[str, ...]
-    environment: Mapping[str, str]
+__all__ = ["Child", "ChildSpec", "Patience", "Supervisor"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,25 +43,6 @@ class Patience:
     leave: float = 2.0
 
 
-@dataclass(slots=True)
-class Child:
-    """A child process through all its lives.
-
-    Attributes:
-        spec: what it is.
-        restarts: how often it was started again.
-        pid: of its present life; None while it has none.
-        ready: set while it is up.
-    """
-
-    spec: ChildSpec
-    restarts: int = 0
-    pid: int | None = None
-    ready: asyncio.Event = field(default_factory=asyncio.Event)
-    was_ready: bool = False
-    deaths: list[float] = field(default_factory=list)
-
-
 class Supervisor:
     """Keeps children alive as long as its ``async with`` block runs, and leaves none behind.
 
@@ -93,7 +57,6 @@ class Supervisor:
         self._tell = tell
         self._patience = patience or Patience()
         self._groups: list[list[tuple[Child, asyncio.Task[None]]]] = []
-        self._stopping = False
         self._failed: asyncio.Future[SupervisionError] = asyncio.get_running_loop().create_future()
         # Neither end is inherited unless it is passed on; the writing end never is.
         self._lifeline, self._held = os.pipe()
@@ -114,7 +77,7 @@ class Supervisor:
         """
         group = []
         for spec in specs:
-            child = Child(spec)
+            child = Child(spec, self._logs / f"{spec.name}.log", self._lifeline)
             task = asyncio.create_task(self._keep(child), name=f"keep {spec.name}")
             task.add_done_callback(self._on_kept)
             group.append((child, task))
@@ -144,7 +107,6 @@ class Supervisor:
 
     async def close(self) -> None:
         """End every child: SIGTERM, then SIGKILL; the last started first."""
-        self._stopping = True
         groups, self._groups = self._groups, []
         try:
             for group in reversed(groups):
@@ -152,7 +114,7 @@ class Supervisor:
         finally:
             for group in groups:
                 for child, _ in group:
-                    _kill(child)
+                    child.kill()
             for end in (self._lifeline, self._held):
                 os.close(end)
 
@@ -168,72 +130,39 @@ class Supervisor:
 
     async def _keep(self, child: Child) -> None:
         patience = self._patience
+        deaths: list[float] = []
         while True:
-            code, last_lines = await self._live(child)
-            if self._stopping:
+            late = asyncio.get_running_loop().call_later(patience.ready, self._on_late, child, child.restarts)
+            try:
+                code, last_lines = await child.live()
+            finally:
+                late.cancel()
+            if child.leaving:
                 return
             now = time.monotonic()
-            child.deaths = [t for t in child.deaths if now - t < patience.window] + [now]
+            deaths = [t for t in deaths if now - t < patience.window] + [now]
             name = child.spec.name
-            self._tell("\n".join([f"{name} {_how(code)}. Its last lines:", *(f"  {line}" for line in last_lines)]))
-            log = self._logs / f"{name}.log"
+            self._tell(
+                "\n".join([f"{name} {how_it_ended(code)}. Its last lines:", *(f"  {line}" for line in last_lines)])
+            )
             if not child.was_ready:
-                raise SupervisionError(f"{name} {_how(code)} before it was ready; see {log}")
+                raise SupervisionError(f"{name} {how_it_ended(code)} before it was ready; see {child.log}")
             if code == WRONG_USE:
-                raise SupervisionError(f"{name} refused its settings; see {log}")
-            if len(child.deaths) > patience.most:
+                raise SupervisionError(f"{name} refused its settings; see {child.log}")
+            if len(deaths) > patience.most:
                 raise SupervisionError(
-                    f"{name} died {len(child.deaths)} times within {patience.window:g} s, "
-                    f"expected at most {patience.most}: given up; see {log}"
+                    f"{name} died {len(deaths)} times within {patience.window:g} s, "
+                    f"expected at most {patience.most}: given up; see {child.log}"
                 )
-            wait = patience.first * 2.0 ** (len(child.deaths) - 1)
+            wait = patience.first * 2.0 ** (len(deaths) - 1)
             self._tell(f"{name} starts again in {wait:g} s")
             await asyncio.sleep(wait)
             child.restarts += 1
 
-    async def _live(self, child: Child) -> tuple[int, list[str]]:
-        """One life of a child, to its end: exit code, last lines of its log."""
-        path = self._logs / f"{child.spec.name}.log"
-        with path.open("ab", buffering=0) as log:
-            begin = log.tell()
-            life = time.strftime("%H:%M:%S")
-            log.write(f"--- {life} start {child.restarts + 1}: {' '.join(child.spec.command)}\n".encode())
-            try:
-                process = subprocess.Popen(  # noqa: ASYNC220 - a spawn takes a millisecond or two
-                    child.spec.command,
-                    env={**child.spec.environment, LIFELINE: str(self._lifeline)},
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=log,
-                    pass_fds=(self._lifeline,),
-                    # Ctrl-C in the terminal is for the parent alone, which ends its children in order.
-                    start_new_session=True,
-                )
-            except OSError as error:
-                log.write(f"could not start: {error}\n".encode())
-                return WRONG_USE, [f"could not start {child.spec.command[0]}: {error.strerror or error}"]
-            child.pid = process.pid
-            assert process.stdout is not None
-            late = asyncio.get_running_loop().call_later(self._patience.ready, self._on_late, child, process.pid)
-            listener = asyncio.create_task(_listen(process.stdout, log, child))
-            try:
-                await _end_of(process.pid)
-            finally:
-                # What it started goes with it; and it itself when we are cancelled, the last resort. Before it is
-                # waited for, so that its number cannot have become another's.
-                _kill(child)
-                code = process.wait()
-                late.cancel()
-                child.pid = None
-                await asyncio.wait({listener}, timeout=0.2)
-                listener.cancel()
-                child.ready.clear()
-        return code, _tail(path, begin)
-
-    def _on_late(self, child: Child, pid: int) -> None:
-        if child.pid == pid and not child.ready.is_set():
+    def _on_late(self, child: Child, life: int) -> None:
+        if child.restarts == life and not child.ready.is_set():
             self._tell(f"{child.spec.name} was not ready within {self._patience.ready:g} s: killed")
-            _kill(child)
+            child.kill()
 
     def _on_kept(self, task: asyncio.Task[None]) -> None:
         if task.cancelled():
@@ -248,97 +177,23 @@ class Supervisor:
         tasks = set()
         for child, task in group:
             tasks.add(task)
+            child.leaving = True
             if child.pid is None:
                 task.cancel()  # between two lives
             else:
-                _signal(child, signal.SIGTERM)
+                child.terminate()
                 task.add_done_callback(_retrieve)
-        stopping, self._stopping = self._stopping, True
-        try:
-            _, pending = await asyncio.wait(tasks, timeout=self._patience.leave)
-            for child, task in group:
-                if task in pending:
-                    self._tell(f"{child.spec.name} did not leave within {self._patience.leave:g} s: killed")
-                    _kill(child)
-            if pending:
-                await asyncio.wait(pending, timeout=1.0)
-        finally:
-            self._stopping = stopping
-            for task in tasks:
-                task.cancel()
+        _, pending = await asyncio.wait(tasks, timeout=self._patience.leave)
+        for child, task in group:
+            if task in pending:
+                self._tell(f"{child.spec.name} did not leave within {self._patience.leave:g} s: killed")
+                child.kill()
+        if pending:
+            await asyncio.wait(pending, timeout=1.0)
+        for task in pending:
+            task.cancel()
 
 
 def _retrieve(task: asyncio.Task[None]) -> None:
     if not task.cancelled():
         task.exception()  # told already
-
-
-async def _listen(pipe: IO[bytes], log: IO[bytes], child: Child) -> None:
-    """Read a child's standard output: the ready line, and what else it prints, which goes to its log."""
-    reader = asyncio.StreamReader()
-    transport, _ = await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(reader), pipe
-    )
-    try:
-        while data := await reader.read(65536):
-            if not child.ready.is_set() and any(line.startswith(b"READY") for line in data.splitlines()):
-                child.was_ready = True
-                child.ready.set()
-            log.write(data)
-    finally:
-        transport.close()
-
-
-async def _end_of(pid: int) -> None:
-    """Wait until a child has ended, without reaping it; no thread, and no wait for its pipes as asyncio's own has."""
-    try:
-        fd = os.pidfd_open(pid)
-    except (AttributeError, OSError):  # not Linux, or a kernel before 5.3
-        while not _ended(pid):  # noqa: ASYNC110 - nothing here could set an event
-            await asyncio.sleep(0.05)
-        return
-    loop = asyncio.get_running_loop()
-    gone: asyncio.Future[None] = loop.create_future()
-    loop.add_reader(fd, _settle, gone)
-    try:
-        await gone
-    finally:
-        loop.remove_reader(fd)
-        os.close(fd)
-
-
-def _settle(gone: asyncio.Future[None]) -> None:
-    if not gone.done():
-        gone.set_result(None)
-
-
-def _ended(pid: int) -> bool:
-    return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
-
-
-def _signal(child: Child, number: int) -> None:
-    if child.pid is not None:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(child.pid, number)
-
-
-def _kill(child: Child) -> None:
-    """Kill a child and whatever it has started."""
-    if child.pid is not None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(child.pid, signal.SIGKILL)
-
-
-def _how(code: int) -> str:
-    """How a process ended, in words."""
-    if code < 0:
-        with contextlib.suppress(ValueError):
-            return f"was ended by {signal.Signals(-code).name}"
-    return f"left with exit code {code}"
-
-
-def _tail(path: Path, begin: int) -> list[str]:
-    """The last lines of a log from a place on."""
-    with path.open("rb") as log:
-        log.seek(max(begin, path.stat().st_size - _TAIL_BYTES))
-        return log.read().decode(errors="replace").splitlines()[-_TAIL_LINES:]

@@ -1,0 +1,172 @@
+"""A child process: its lives, its log, its end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from muro_zenoh.runtime.process import LIFELINE, WRONG_USE
+
+_TAIL_LINES = 12
+_TAIL_BYTES = 16384
+
+
+@dataclass(frozen=True, slots=True)
+class ChildSpec:
+    """What to start.
+
+    Attributes:
+        name: of the process; its log is ``<name>.log``.
+        command: program and arguments.
+        environment: its whole environment; the lifeline is added.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    environment: Mapping[str, str]
+
+
+class Child:
+    """A child process through all its lives.
+
+    Args:
+        spec: what it is.
+        log: the file that each life adds its output to.
+        lifeline: reading end of the pipe that ends with the parent.
+
+    Attributes:
+        spec: what it is.
+        log: its file.
+        restarts: how often it was started again.
+        pid: of its present life; None while it has none.
+        ready: set while it is up.
+        was_ready: it has been up once.
+        leaving: it was asked to leave for good.
+    """
+
+    def __init__(self, spec: ChildSpec, log: Path, lifeline: int) -> None:
+        self.spec = spec
+        self.log = log
+        self.restarts = 0
+        self.pid: int | None = None
+        self.ready = asyncio.Event()
+        self.was_ready = False
+        self.leaving = False
+        self._lifeline = lifeline
+
+    async def live(self) -> tuple[int, list[str]]:
+        """One life, from its start to its end.
+
+        Returns:
+            The exit code (minus the signal that ended it), and the last lines of its log.
+        """
+        with self.log.open("ab", buffering=0) as log:
+            begin = log.tell()
+            command = " ".join(self.spec.command)
+            log.write(f"--- {time.strftime('%H:%M:%S')} start {self.restarts + 1}: {command}\n".encode())
+            try:
+                process = subprocess.Popen(  # noqa: ASYNC220 - a spawn takes a millisecond or two
+                    self.spec.command,
+                    env={**self.spec.environment, LIFELINE: str(self._lifeline)},
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    pass_fds=(self._lifeline,),
+                    # Ctrl-C in the terminal is for the parent alone, which ends its children in order.
+                    start_new_session=True,
+                )
+            except OSError as error:
+                log.write(f"could not start: {error}\n".encode())
+                return WRONG_USE, [f"could not start {self.spec.command[0]}: {error.strerror or error}"]
+            self.pid = process.pid
+            assert process.stdout is not None
+            listener = asyncio.create_task(self._listen(process.stdout, log))
+            try:
+                await _end_of(process.pid)
+            finally:
+                # What it started goes with it; and it itself when we are cancelled, the last resort. Before it is
+                # waited for, so that its number cannot have become another's.
+                self.kill()
+                code = process.wait()
+                self.pid = None
+                await asyncio.wait({listener}, timeout=0.2)
+                listener.cancel()
+                self.ready.clear()
+        return code, _tail(self.log, begin)
+
+    def terminate(self) -> None:
+        """Ask it to leave."""
+        if self.pid is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGTERM)
+
+    def kill(self) -> None:
+        """Kill it and whatever it has started."""
+        if self.pid is not None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGKILL)
+
+    async def _listen(self, pipe: IO[bytes], log: IO[bytes]) -> None:
+        """Read its standard output: the ready line, and what else it prints, which goes to its log."""
+        reader = asyncio.StreamReader()
+        transport, _ = await asyncio.get_running_loop().connect_read_pipe(
+            lambda: asyncio.StreamReaderProtocol(reader), pipe
+        )
+        try:
+            while data := await reader.read(65536):
+                if not self.ready.is_set() and any(line.startswith(b"READY") for line in data.splitlines()):
+                    self.was_ready = True
+                    self.ready.set()
+                log.write(data)
+        finally:
+            transport.close()
+
+
+def how_it_ended(code: int) -> str:
+    """How a process ended, in words."""
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return f"was ended by {signal.Signals(-code).name}"
+    return f"left with exit code {code}"
+
+
+async def _end_of(pid: int) -> None:
+    """Wait until a child has ended, without reaping it; no thread, and no wait for its pipes as asyncio's own has."""
+    try:
+        fd = os.pidfd_open(pid)
+    except (AttributeError, OSError):  # not Linux, or a kernel before 5.3
+        while not _ended(pid):  # noqa: ASYNC110 - nothing here could set an event
+            await asyncio.sleep(0.05)
+        return
+    loop = asyncio.get_running_loop()
+    gone: asyncio.Future[None] = loop.create_future()
+    loop.add_reader(fd, _settle, gone)
+    try:
+        await gone
+    finally:
+        loop.remove_reader(fd)
+        os.close(fd)
+
+
+def _settle(gone: asyncio.Future[None]) -> None:
+    if not gone.done():
+        gone.set_result(None)
+
+
+def _ended(pid: int) -> bool:
+    return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+
+
+def _tail(path: Path, begin: int) -> list[str]:
+    """The last lines of a log from a place on."""
+    with path.open("rb") as log:
+        log.seek(max(begin, path.stat().st_size - _TAIL_BYTES))
+        return log.read().decode(errors="replace").splitlines()[-_TAIL_LINES:]
