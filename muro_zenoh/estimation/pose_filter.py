@@ -29,8 +29,9 @@ class FixResult(NamedTuple):
     """What became of a fix.
 
     ``accepted``: whether it was used. ``reason``: ``"used"``, ``"started"`` and ``"restarted"`` for one that was;
-    ``"gated"``, ``"too old"`` or ``"bad covariance"`` for one that was not. ``nis``: its squared Mahalanobis distance,
-    NaN where there was none. ``restarted``: whether it made the filter start anew, after a kidnapping.
+    ``"gated"``, ``"too old"``, ``"from the future"`` (more than ``history`` after all else heard) or
+    ``"bad covariance"`` for one that was not. ``nis``: its squared Mahalanobis distance, NaN where there was none.
+    ``restarted``: whether it made the filter start anew, after a kidnapping.
     """
 
     accepted: bool
@@ -123,6 +124,9 @@ class PoseFilter:
         if not anchors:
             anchors.append(_Anchor(t_capture, *ekf.start(fix, self._settings), None))
             return FixResult(True, "started", math.nan, False)
+        if t_capture > max(self._track.newest, anchors[-1].t) + self._settings.history:
+            # Taken in, one wrong stamp would make every true fix after it too old. A row of them is no wrong stamp.
+            return self._gate(t_capture, fix, math.nan, "from the future")
         i = len(anchors)
         while i and anchors[i - 1].t > t_capture:
             i -= 1
@@ -130,7 +134,7 @@ class PoseFilter:
             return FixResult(False, "too old", math.nan, False)
         anchor, nis = self._apply(anchors[i - 1], t_capture, fix)
         if anchor is None:
-            return self._gate(t_capture, fix, nis)
+            return self._gate(t_capture, fix, nis, "gated")
         self._gated.clear()
         later = anchors[i:]
         del anchors[i:]
@@ -187,24 +191,25 @@ class PoseFilter:
         mean, cov, nis = ekf.correct(mean, cov, fix, stretch.moved_v, stretch.moved_w, settings)
         return (_Anchor(t, mean, cov, fix) if nis <= settings.gate else None), nis
 
-    def _gate(self, t: float, fix: Fix, nis: float) -> FixResult:
+    def _gate(self, t: float, fix: Fix, nis: float, reason: str) -> FixResult:
         """A fix that does not belong to the track. Enough of them in a row that agree: the robot was carried off."""
         newest = self._anchors[-1].mean
         if self._gated and not self._agree(self._gated[-1], t, fix, newest):
             self._gated.clear()
         self._gated.append((t, fix))
         if len(self._gated) < self._settings.restart_fixes:
-            return FixResult(False, "gated", nis, False)
+            return FixResult(False, reason, nis, False)
+        t, fix = max(self._gated, key=lambda gated: gated[0])
         self._gated.clear()
         s_v, s_omega = newest.s_v, newest.s_omega
         self._anchors = [_Anchor(t, *ekf.start(fix, self._settings, s_v, s_omega), None)]
         return FixResult(True, "restarted", nis, True)
 
     def _agree(self, before: tuple[float, Fix], t: float, fix: Fix, scales: Mean) -> bool:
-        """Whether the wheels' motion since the last gated fix leads to this one."""
+        """Whether the wheels' motion leads from one gated fix to the other, whichever was captured first."""
         t0, old = before
         if t < t0:
-            return False
+            t0, old, t, fix = t, fix, t0, old
         mean = Mean(old.x, old.y, old.theta, scales.s_v, scales.s_omega)
         stretch, _ = self._roll(mean, t0, t)
         return (

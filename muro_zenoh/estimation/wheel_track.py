@@ -46,6 +46,12 @@ class WheelTrack:
         self._modelled = 0  # how many of the newest knots came from the model
         self._commands: list[Timed] = []
 
+    @property
+    def newest(self) -> float:
+        """The time of the newest twist or command [s, local clock]; minus infinity before any."""
+        newest = self._knots[-1][0] if self._knots else -math.inf
+        return max(newest, self._commands[-1][0]) if self._commands else newest
+
     def twist(self, t: float, v: float, omega: float) -> None:
         """File the odometry twist at ``t``. One that is not newer than the last is ignored.
 
