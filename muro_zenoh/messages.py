@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from functools import cache
 from operator import attrgetter
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_origin
 
 import msgspec
 from msgspec import Meta, Struct
@@ -48,11 +48,13 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     epoch: Annotated[int, Meta(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        floats, others = _float_fields(type(self))
-        # One sum says it for all; only where it is not finite, the field is looked for.
-        if not math.isfinite(sum(floats(self))):
-            for field in msgspec.structs.fields(type(self)):
-                _require_finite(field.name, getattr(self, field.name))
+        scalars, vectors, others = _number_fields(type(self))
+        total = sum(scalars(self))
+        for name in vectors:
+            total = sum(getattr(self, name), total)
+        # One sum says it for all numbers; only where it is not finite, the field is looked for.
+        if not math.isfinite(total):
+            others = tuple(field.name for field in msgspec.structs.fields(type(self)))
         for name in others:
             _require_finite(name, getattr(self, name))
 
@@ -333,25 +335,44 @@ class Reply(Message, frozen=True, kw_only=True):
 M = TypeVar("M", bound=Message)
 
 
-def encode(message: Message) -> bytes:
-    """The message as a MessagePack map."""
-    return _encoder.encode(message)
+encode: Final[Callable[[Message], bytes]] = msgspec.msgpack.Encoder().encode
+"""The message as a MessagePack map."""
 
 
 def decode(data: bytes, kind: type[M]) -> M:
-    """A message of ``kind`` from its bytes.
+    """A message from its bytes.
+
+    Args:
+        data: the bytes.
+        kind: what they should be.
 
     Raises:
         MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
             a number that is not finite, no stamp.
     """
-    try:
-        message: M = _decoder(kind).decode(data)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        raise MessageError(f"{kind.__name__}: {error}") from error
-    if not message.stamp > 0.0:
-        raise MessageError(f"{kind.__name__}: got stamp {message.stamp!r}, expected seconds since 1970")
+    message: M = decoder(kind)(data)
     return message
+
+
+@cache
+def decoder(kind: type[M]) -> Callable[[bytes], M]:
+    """:func:`decode` for one kind, for who decodes many.
+
+    Args:
+        kind: what the bytes should be.
+    """
+    raw = msgspec.msgpack.Decoder(kind).decode
+
+    def decode_it(data: bytes) -> M:
+        try:
+            message: M = raw(data)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+            raise MessageError(f"{kind.__name__}: {error}") from error
+        if not message.stamp > 0.0:
+            raise MessageError(f"{kind.__name__}: got stamp {message.stamp!r}, expected seconds since 1970")
+        return message
+
+    return decode_it
 
 
 def encoding_of(kind: type[Message]) -> str:
@@ -371,33 +392,31 @@ def check_encoding(encoding: str | None, kind: type[Message]) -> None:
 
 
 _UNSAID = frozenset({"", "zenoh/bytes", "application/octet-stream", "application/msgpack"})
-_encoder = msgspec.msgpack.Encoder()
 
 
 @cache
-def _decoder(kind: type[M]) -> msgspec.msgpack.Decoder[M]:
-    return msgspec.msgpack.Decoder(kind)
+def _number_fields(
+    kind: type[Message],
+) -> tuple[Callable[[Message], tuple[float, ...]], tuple[str, ...], tuple[str, ...]]:
+    """A getter of the plain floats, the fields that are tuples of floats, and the others that may hold floats."""
+    types = {field.name: field.type for field in msgspec.structs.fields(kind)}
+    scalars = [name for name, annotation in types.items() if _bare(annotation) is float]
+    vectors = tuple(name for name, annotation in types.items() if _bare(annotation) == tuple[float, ...])
+    others = tuple(
+        name
+        for name, annotation in types.items()
+        if name not in scalars and name not in vectors and _holds_float(annotation)
+    )
+    # Every message has a stamp. Twice, for an attrgetter of one name gives no tuple.
+    return attrgetter(*scalars, "stamp"), vectors, others
 
 
-@cache
-def _float_fields(kind: type[Message]) -> tuple[Callable[[Message], tuple[float, ...]], tuple[str, ...]]:
-    """A getter of the plain floats, and the other fields that may hold floats; whole numbers and text cannot be NaN."""
-    fields = {f.name: _plain(f.type) for f in msgspec.structs.fields(kind)}
-    floats = [name for name, plain in fields.items() if plain is float]
-    others = tuple(name for name, plain in fields.items() if plain not in (float, int, str, bytes, bool))
-    # Twice the stamp: an attrgetter of one name gives no tuple.
-    return attrgetter(*floats, "stamp"), others
+def _bare(annotation: Any) -> Any:
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
 
 
-def _plain(annotation: Any) -> Any:
-    return getattr(annotation, "__origin__", annotation) if hasattr(annotation, "__metadata__") else annotation
-
-
-def _sum(values: tuple[Any, ...]) -> float:
-    try:
-        return float(sum(values))
-    except TypeError:
-        return math.nan  # not floats alone
+def _holds_float(annotation: Any) -> bool:
+    return annotation is float or any(_holds_float(part) for part in get_args(annotation))
 
 
 def _require_finite(field: str, value: Any) -> None:
@@ -405,9 +424,6 @@ def _require_finite(field: str, value: Any) -> None:
         if not math.isfinite(value):
             raise ValueError(f"{field}: got {value}, expected a finite number")
     elif isinstance(value, tuple):
-        # A covariance, mostly: nine floats in one sum.
-        if value and type(value[0]) is float and math.isfinite(_sum(value)):
-            return
         for item in value:
             _require_finite(field, item)
     elif isinstance(value, dict):
