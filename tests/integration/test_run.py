@@ -14,8 +14,10 @@ from pathlib import Path
 import psutil
 import pytest
 
+from muro_zenoh.cli import launch
+from muro_zenoh.cli.supervisor import Supervisor
 from tests.support.process import Process
-from tests.support.waiting import seconds
+from tests.support.waiting import seconds, within
 
 CLI = ["-m", "muro_zenoh.cli.main"]
 
@@ -103,6 +105,32 @@ def test_a_taken_port_makes_a_fleet_of_its_own() -> None:
             assert process.wait(20) == 0
     assert endpoint() in said
     assert endpoint() != "tcp/127.0.0.1:7447"
+
+
+async def test_a_port_that_is_taken_between_the_look_and_the_start_is_left_to_its_taker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    looked: list[int] = []
+    free_port = launch.free_port
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen(1)
+        port = taken.getsockname()[1]
+
+        def too_early(preferred: int) -> int:
+            looked.append(preferred)
+            return port if len(looked) == 1 else free_port(port)
+
+        monkeypatch.setattr(launch, "free_port", too_early)
+        async with Supervisor(tmp_path, told.append) as supervisor:
+            scenario = launch.find_scenario("hold", 1, {})
+            connected, starting = await within(20, launch.start_all(supervisor, scenario, 1, tmp_path), "a router")
+            await within(20, starting, "a fleet")
+            assert [child.spec.name for child in supervisor.children] == ["router", "simulator", "basestation", "r1"]
+            assert all(child.ready.is_set() for child in supervisor.children)
+    assert connected.bus.connect != (f"tcp/127.0.0.1:{port}",)
+    assert "router left with exit code 1. Its last lines:" in told[0]
 
 
 def test_ctrl_c_ends_everything_with_the_score_so_far() -> None:
