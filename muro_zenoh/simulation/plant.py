@@ -11,7 +11,7 @@ import numpy as np
 
 from muro_zenoh.elementwise import ARRAYS, Array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
-from muro_zenoh.simulation.noise import gaussian
+from muro_zenoh.simulation.noise import GaussianRows
 from muro_zenoh.simulation.starts import random_starts
 
 __all__ = ["Plant", "random_starts"]
@@ -56,12 +56,11 @@ class Plant:
         if not 0.0 <= drive_error < 1.0:
             raise ValueError(f"drive_error {drive_error}: expected a fraction in [0, 1)")
         n = len(starts)
-        self._rng = rng
         limits = _stack(limits, n)
-        both = np.ones(n)
-        self._grow = np.stack((limits.a_max * both, limits.alpha_max * both))
-        self._fall = np.stack((limits.brake * both, limits.alpha_brake * both))
-        self._lag = limits.lag * both
+        # (2, 1) for one kind of robot, (2, N) for many
+        self._grow: Array = np.array((limits.a_max, limits.alpha_max)).reshape(2, -1)
+        self._fall: Array = np.array((limits.brake, limits.alpha_brake)).reshape(2, -1)
+        self._lag = limits.lag
         self._slip = slip
         # Row by row, x y theta of the truth and of what encoders of nominal wheels add up to: moved in one go.
         bodies = 2 if add_odometry else 1
@@ -71,6 +70,7 @@ class Plant:
         self._speeds: Array = np.zeros((2, n))
         self._scales: Array = np.ones((2, bodies, n))
         self._scales[:, 0] = rng.uniform(1.0 - drive_error, 1.0 + drive_error, (2, n))
+        self._noise = GaussianRows(rng, n)
         self.time: float = 0.0
         """Simulated time since the start [s]."""
         self.contacts: int = 0
@@ -139,7 +139,7 @@ class Plant:
         if self._slip > 0.0:
             spread = np.abs(moved[:, 0])
             spread[1] += spread[0]
-            moved[:, 0] += self._slip * np.sqrt(spread) * gaussian(self._rng, 2, len(self))
+            moved[:, 0] += self._slip * np.sqrt(spread) * self._noise.take(2)
         _advance(self._state, moved[0], moved[1])
         self._look()
 

@@ -13,7 +13,7 @@ from muro_zenoh.estimation.ekf import Fix
 from muro_zenoh.estimation.pose_filter import PoseFilter
 from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.planning.dubins import plan
-from muro_zenoh.simulation.noise import gaussian
+from muro_zenoh.simulation.noise import GaussianRows, gaussian
 from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
 from muro_zenoh.simulation.rollout.runs import follow_circle, settling_time
 from muro_zenoh.simulation.rollout.settings import CLEAN, NOISY, LoopSettings
@@ -108,6 +108,12 @@ def test_gaussian_noise_is_gaussian() -> None:
     np.testing.assert_allclose(np.cov(noise), np.eye(3), atol=0.01)
     np.testing.assert_allclose((noise**4).mean(axis=1), 3.0, atol=0.06)
     assert 4.0 < abs(noise).max() < 6.5
+
+
+def test_rows_of_noise_never_repeat() -> None:
+    rows = GaussianRows(np.random.default_rng(0), 5)
+    drawn = np.concatenate([rows.take(3).copy() for _ in range(5000)])
+    assert len(np.unique(drawn)) == drawn.size
 
 
 def test_settling_time_is_the_last_time_outside() -> None:

@@ -27,9 +27,8 @@ class ArrayFilter:
 
     def __init__(self, first: Fix, settings: FilterSettings, wheels: WheelLimits) -> None:
         self._settings = settings
-        both = np.ones((2, 1))
-        self._grow, self._fall = both.copy(), both.copy()
-        self._grow[:, 0], self._fall[:, 0] = (wheels.a_max, wheels.alpha_max), (wheels.brake, wheels.alpha_brake)
+        self._grow: Array = np.array((wheels.a_max, wheels.alpha_max)).reshape(2, -1)
+        self._fall: Array = np.array((wheels.brake, wheels.alpha_brake)).reshape(2, -1)
         self._lag = wheels.lag
         self.mean, self.cov = ekf.start(first, settings)
         self._since: deque[tuple[Array, float]] = deque()

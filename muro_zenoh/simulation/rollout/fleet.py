@@ -11,7 +11,7 @@ import numpy as np
 
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation.ekf import Fix
-from muro_zenoh.simulation.noise import gaussian
+from muro_zenoh.simulation.noise import GaussianRows
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.rollout.array_filter import ArrayFilter
 from muro_zenoh.simulation.rollout.settings import LoopSettings
@@ -50,7 +50,7 @@ class Fleet:
     def __init__(self, starts: Array, settings: LoopSettings, rng: np.random.Generator) -> None:
         _keep_freed_memory()
         self.settings = settings
-        self._rng = rng
+        self._noise = GaussianRows(rng, len(starts))
         self.plant = Plant(
             starts,
             rng,
@@ -140,7 +140,7 @@ class Fleet:
 
     def _photograph(self) -> Fix:
         x, y, theta = self.plant.pose.T
-        noise = gaussian(self._rng, 3, len(x))
+        noise = self._noise.take(3)
         sigma, sigma_theta = self.settings.fix_sigma, self.settings.fix_sigma_theta
         place, heading = self._variances
         return Fix(
