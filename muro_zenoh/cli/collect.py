@@ -94,12 +94,13 @@ class Collector:
     async def run(self) -> None:
         """Collect until cancelled."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._hear(), name="collect health")
-            tasks.create_task(self._sample(), name="collect samples")
+            tasks.create_task(self.hear(), name="collect health")
+            tasks.create_task(self._sample_at_10_hz(), name="collect samples")
 
     # ---- health
 
-    async def _hear(self) -> None:
+    async def hear(self) -> None:
+        """Take the health of every process as it comes, until cancelled."""
         async for received in self._health:
             self.health[received.name] = received.message
             if received.message.role == "simulator":
@@ -164,17 +165,20 @@ class Collector:
 
     # ---- samples
 
-    async def _sample(self) -> None:
+    async def _sample_at_10_hz(self) -> None:
         clock = self._bus.clock
         start, k = clock.now(), 0
         while True:
             k = max(k + 1, math.floor((clock.now() - start) / SAMPLE_PERIOD))  # after a pause, none are made up for
             await asyncio.sleep(max(0.0, start + k * SAMPLE_PERIOD - clock.now()))
-            now = clock.now()
-            self.latest = Sample(self.elapsed, self._places(now), self.circle)
-            if self._began is not None:
-                self._samples.append(self.latest)
-                self._note_circling(self.latest)
+            self.take_sample()
+
+    def take_sample(self) -> None:
+        """Look at the fleet once."""
+        self.latest = Sample(self.elapsed, self._places(self._bus.clock.now()), self.circle)
+        if self._began is not None:
+            self._samples.append(self.latest)
+            self._note_circling(self.latest)
 
     @property
     def circle(self) -> Circle:

@@ -1,0 +1,203 @@
+"""What a run's collector makes of the messages of a fleet, through restarts of its processes."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+import pytest_asyncio
+
+from muro_zenoh import channels
+from muro_zenoh.cli.collect import Collector
+from muro_zenoh.cli.launch import find_scenario
+from muro_zenoh.cli.live import view_of
+from muro_zenoh.cli.score import Observed
+from muro_zenoh.messages import Calibration, Circle, Health, Truth
+from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
+from tests.support.clock import ManualClock
+
+SCENARIO = find_scenario("pursuit", 2, {})
+
+
+@dataclass
+class Lab:
+    """A network with a collector, and processes that speak."""
+
+    network: MemoryNetwork
+    clock: ManualClock
+    collector: Collector
+    buses: dict[str, Bus] = field(default_factory=dict)
+
+    async def settle(self) -> None:
+        for _ in range(8):
+            await asyncio.sleep(0)
+
+    def bus(self, name: str) -> Bus:
+        if name not in self.buses:
+            self.buses[name] = make_bus(self.network.link(), "muro", self.clock)
+        return self.buses[name]
+
+    async def restart(self, name: str) -> None:
+        await self.buses.pop(name).close()
+
+    async def health(self, name: str, role: str = "agent", **fields: Any) -> None:
+        self.bus(name).publisher(channels.HEALTH, name).put(Health(role=role, state="driving", **fields))
+        await self.settle()
+
+    async def truth(self, name: str, x: float, y: float) -> None:
+        self.bus("simulator").publisher(channels.TRUTH, name).put(Truth(x=x, y=y, theta=0.0, v=0.0, omega=0.0))
+        await self.settle()
+
+    def observed(self) -> Observed:
+        return self.collector.observed(duration=10.0, seed=1, ended="duration", restarts=0, processes={})
+
+
+@pytest_asyncio.fixture
+async def lab() -> AsyncIterator[Lab]:
+    network, clock = MemoryNetwork(), ManualClock()
+    async with make_bus(network.link(), "muro", clock) as bus:
+        collector = Collector(bus, SCENARIO)
+        hearing = asyncio.create_task(collector.hear())
+        await asyncio.sleep(0)
+        lab = Lab(network, clock, collector)
+        yield lab
+        hearing.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await hearing
+        for other in lab.buses.values():
+            await other.close()
+
+
+async def test_fixes_are_counted_between_reports(lab: Lab) -> None:
+    lab.collector.begin()
+    for fixes in (7, 27, 47):
+        lab.clock.advance(1.0)
+        await lab.health("r1", numbers={"fixes": fixes})
+    assert lab.collector.fix_rate("r1") == pytest.approx(20.0)
+    assert lab.collector.fix_rate("r2") is None
+
+
+async def test_the_time_that_an_agent_was_dead_counts(lab: Lab) -> None:
+    lab.collector.begin()
+    for fixes in (10, 30):
+        lab.clock.advance(1.0)
+        await lab.health("r1", numbers={"fixes": fixes})
+    await lab.restart("r1")
+    lab.clock.advance(3.0)
+    await lab.health("r1", numbers={"fixes": 16})
+    # 20 fixes of the first life and 16 of the second, in 4 s
+    assert lab.collector.fix_rate("r1") == pytest.approx(9.0)
+
+
+async def test_an_agent_that_died_before_its_first_report_counts_from_the_beginning(lab: Lab) -> None:
+    await lab.health("r1", numbers={"fixes": 0})
+    lab.collector.begin()
+    await lab.restart("r1")
+    lab.clock.advance(4.0)
+    await lab.health("r1", numbers={"fixes": 40})
+    assert lab.collector.fix_rate("r1") == pytest.approx(10.0)
+
+
+async def test_the_first_report_speaks_of_the_time_before_too(lab: Lab) -> None:
+    await lab.health("r1", samples={"pose_age_s": (9.0,)})
+    lab.collector.begin()
+    for k in range(3):
+        lab.clock.advance(1.0)
+        await lab.health("r1", samples={"pose_age_s": (0.1 * k,), "pose_to_command_s": (0.001, 0.002)})
+    seen = lab.observed()
+    assert seen.pose_age == pytest.approx([0.1, 0.2])
+    assert seen.pose_to_command == [0.001, 0.002] * 2
+
+
+async def test_collisions_of_a_simulator_s_lives_are_added_up(lab: Lab) -> None:
+    assert lab.observed().collisions is None
+    lab.collector.begin()
+    await lab.health("simulator", "simulator", numbers={"collisions": 2, "min_separation_m": 0.3})
+    await lab.health("simulator", "simulator", numbers={"collisions": 3, "min_separation_m": 0.2})
+    await lab.restart("simulator")
+    await lab.health("simulator", "simulator", numbers={"collisions": 1, "min_separation_m": 0.5})
+    seen = lab.observed()
+    assert seen.collisions == 4
+    assert seen.min_separation == 0.2
+
+
+async def test_a_truth_that_is_old_is_not_known(lab: Lab) -> None:
+    lab.collector.begin()
+    await lab.truth("r1", 0.8, 0.0)
+    await lab.truth("r2", -0.8, 0.0)
+    lab.collector.take_sample()
+    lab.clock.advance(0.4)
+    await lab.truth("r2", -0.8, 0.1)
+    lab.clock.advance(0.2)
+    lab.collector.take_sample()
+    first, second = lab.collector.samples
+    assert first.places == {"r1": (0.8, 0.0), "r2": (-0.8, 0.0)}
+    assert second.places == {"r2": (-0.8, 0.1)}
+    assert second.t == pytest.approx(0.6)
+
+
+async def test_nothing_is_kept_before_the_scenario_begins(lab: Lab) -> None:
+    await lab.truth("r1", 0.8, 0.0)
+    lab.collector.take_sample()
+    assert lab.collector.samples == []
+    assert lab.collector.latest.places == {"r1": (0.8, 0.0)}
+
+
+async def test_the_circle_is_the_one_that_holds(lab: Lab) -> None:
+    assert lab.collector.circle.radius == 0.8
+    lab.bus("basestation").publisher(channels.CIRCLE).put(Circle(x=0.1, y=0.0, radius=0.9, clockwise=True))
+    await lab.settle()
+    assert lab.collector.circle == (0.1, 0.0, 0.9, True)
+
+
+async def test_calibrations_are_looked_at_after_ten_seconds_on_the_circle(lab: Lab) -> None:
+    lab.collector.begin()
+    await lab.health("simulator", "simulator", numbers={"scale_v_r1": 0.8, "scale_omega_r1": 1.1})
+
+    async def calibrate(cal0: float, cal_d: float) -> None:
+        lab.bus("r1").publisher(channels.CAL_OMEGA, "r1").put(Calibration(value=cal0, sigma=0.01))
+        lab.bus("r1").publisher(channels.CAL_V, "r1").put(Calibration(value=cal_d, sigma=0.01))
+        await lab.settle()
+
+    await calibrate(1.0, 1.0)
+    for k in range(201):
+        await lab.truth("r1", 1.0 if k < 50 else 0.82, 0.0)  # on the circle from 5 s on
+        if k == 100:
+            await calibrate(0.9, 1.2)
+        if k == 180:
+            await calibrate(1 / 1.1, 1.25)
+        lab.collector.take_sample()
+        lab.clock.advance(0.1)
+    seen = lab.observed()
+    assert seen.calibration_error_10s == {"r1": pytest.approx(0.04)}  # 1.2 * 0.8 = 0.96; 0.9 * 1.1 = 0.99
+    assert seen.calibration["r1"].error == pytest.approx(0.0)
+    assert seen.calibration["r2"].error is None
+
+
+async def test_the_operator_s_view(lab: Lab) -> None:
+    lab.collector.begin()
+    await lab.truth("r1", 0.8, 0.0)
+    await lab.truth("r2", 0.0, 0.9)
+    await lab.health(
+        "r1", numbers={"command_rate_hz": 31.0}, samples={"pose_age_s": (0.05, 0.06, 0.2)}, reasons=("stop order",)
+    )
+    lab.collector.take_sample()
+    view = view_of(lab.collector, SCENARIO, 3)
+    one, two = view.rows
+    assert (one.name, one.state, one.reasons, one.pose_age, one.command_rate) == (
+        "r1",
+        "driving",
+        "stop order",
+        0.06,
+        31,
+    )
+    assert one.gap == pytest.approx(1.5708, abs=1e-4)
+    assert (two.name, two.state, two.reasons, two.pose_age) == ("r2", "-", "not heard yet", None)
+    assert two.distance == pytest.approx(0.1)
+    assert view.radius_error == pytest.approx(0.1)
+    assert view.spacing_error == pytest.approx(1.5708, abs=1e-4)
+    assert view.restarts == 3
