@@ -1,0 +1,453 @@
+"""Real agents and bases on the in-memory bus, in virtual time: the loop closed from fix to wheel."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import sys
+from collections.abc import AsyncIterator, Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+
+from muro_zenoh import channels
+from muro_zenoh.geometry import Pose2
+from muro_zenoh.messages import (
+    Circle,
+    FleetSnapshot,
+    Goal,
+    PoseFix,
+    Resume,
+    RobotState,
+    SetBehaviour,
+    SetCircle,
+    SpeedReference,
+    Stop,
+    StopOrder,
+)
+from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+from tests.support.virtual_time import run_virtually
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
+
+Test = Callable[[], Coroutine[Any, Any, None]]
+
+
+def virtual(test: Test) -> Callable[[], None]:
+    """A test that runs in virtual time."""
+
+    def run() -> None:
+        run_virtually(test())
+
+    run.__name__, run.__doc__ = test.__name__, test.__doc__
+    return run
+
+
+@contextlib.asynccontextmanager
+async def circling(robots: int = 1, behaviour: str = "circle", **parameters: object) -> AsyncIterator[MemoryFleet]:
+    """A fleet whose robots are all on their way."""
+    async with memory_fleet(scenario(robots, behaviour, **parameters)) as fleet:  # type: ignore[arg-type]
+        await fleet.until(lambda: len(fleet.driving) == robots, 3, "everybody drives")
+        yield fleet
+
+
+# ---- following a circle
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_circle_converges_in_both_directions(clockwise: bool) -> None:
+    async def main() -> None:
+        async with circling(2, clockwise=clockwise) as fleet:
+            await asyncio.sleep(15.0)
+            for name in ("r1", "r2"):
+                for _ in range(20):
+                    await asyncio.sleep(0.1)
+                    assert fleet.radius_error(name) < 0.01
+                turning = 0.2 / 0.8 * (-1 if clockwise else 1)
+                assert fleet.turning(name) == pytest.approx(turning, rel=0.03)
+
+    run_virtually(main())
+
+
+@virtual
+async def test_the_calibrations_find_the_hidden_drive_errors() -> None:
+    async with circling(3) as fleet:
+        bus = await fleet.bus()
+        cal_v, cal_omega = bus.latest(channels.CAL_V, "*"), bus.latest(channels.CAL_OMEGA, "*")
+        await fleet.until(lambda: max(map(fleet.radius_error, fleet.scenario.robots)) < 0.03, 20, "all on the circle")
+        await asyncio.sleep(10.0)
+        for row, name in enumerate(fleet.scenario.robots):
+            assert cal_v.values()[name].message.value * fleet.plant.s_v[row] == pytest.approx(1.0, abs=0.05)
+            assert cal_omega.values()[name].message.value * fleet.plant.s_omega[row] == pytest.approx(1.0, abs=0.05)
+
+
+@virtual
+async def test_circle_follows_the_velocity_that_any_other_process_says() -> None:
+    async with circling(1, speed=0.2) as fleet:
+        other = await fleet.bus()
+        velocity = other.publisher(channels.VELOCITY, "r1")
+
+        async def say(speed: float, duration: float) -> None:
+            for _ in range(round(10 * duration)):
+                velocity.put(SpeedReference(speed=speed))
+                await asyncio.sleep(0.1)
+
+        await asyncio.sleep(10.0)
+        assert fleet.speed("r1") == pytest.approx(0.2, abs=0.01)
+        await say(0.1, 3.0)
+        assert fleet.speed("r1") == pytest.approx(0.1, abs=0.01)
+        await say(0.3, 3.0)
+        assert fleet.speed("r1") == pytest.approx(0.3, abs=0.015)
+        # Who said a speed and falls silent is not replaced by the default one.
+        await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 1.5, "it holds")
+        assert fleet.told("r1") == (0.0, 0.0)
+        await say(0.2, 2.0)
+        assert fleet.speed("r1") == pytest.approx(0.2, abs=0.015)
+
+
+@virtual
+async def test_the_velocity_of_a_foreign_program_is_followed() -> None:
+    async with circling(1) as fleet:
+        for _ in range(30):
+            fleet.network.put("muro/velocity/r1", msgpack.packb({"stamp": fleet.clock.now(), "speed": 0.12}))
+            await asyncio.sleep(0.1)
+        assert fleet.speed("r1") == pytest.approx(0.12, abs=0.01)
+
+
+@virtual
+async def test_the_circle_changes_live() -> None:
+    async with circling(1) as fleet:
+        await asyncio.sleep(8.0)
+        fleet.order(fleet.kept.set_circle(SetCircle(x=0.3, radius=0.6, clockwise=True)))
+        await asyncio.sleep(12.0)
+        assert fleet.radius_error("r1") < 0.01
+        assert fleet.turning("r1") == pytest.approx(-0.2 / 0.6, rel=0.03)
+
+
+# ---- cyclic pursuit
+
+
+@virtual
+async def test_pursuit_spreads_and_changes_its_parameters_and_its_behaviour_live() -> None:
+    async with circling(3, "pursuit", cruise=0.2) as fleet:
+        await fleet.until(lambda: fleet.spacing_error() < 0.1, 40, "an even ring")
+        await asyncio.sleep(5.0)
+        assert fleet.spacing_error() < 0.1
+        assert max(map(fleet.radius_error, fleet.scenario.robots)) < 0.03
+        assert [fleet.speed(name) for name in fleet.scenario.robots] == pytest.approx([0.2] * 3, abs=0.02)
+
+        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": 0.1})))
+        await asyncio.sleep(3.0)
+        assert [fleet.speed(name) for name in fleet.scenario.robots] == pytest.approx([0.1] * 3, abs=0.02)
+        assert fleet.spacing_error() < 0.1
+
+        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",))))
+        await fleet.until(lambda: fleet.holds("r2", "the behaviour is hold"), 1, "r2 holds")
+        assert fleet.told("r2") == (0.0, 0.0)
+        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",))))
+        await fleet.until(lambda: abs(fleet.speed("r2") - 0.2) < 0.02, 5, "r2 follows the circle")
+
+
+@virtual
+async def test_a_ring_spreads_anew_when_one_stops_by_order() -> None:
+    async with circling(3, "pursuit") as fleet:
+        await fleet.until(lambda: fleet.spacing_error() < 0.1, 40, "an even ring")
+        fleet.order(fleet.kept.set_stop(Stop(names=("r3",))))
+        # Who is told to stop counts no more: the other two take half the circle each.
+        await fleet.until(lambda: fleet.spacing_error(["r1", "r2"]) < 0.1, 40, "a ring of two")
+        assert "r3" not in fleet.driving
+
+
+@virtual
+async def test_pursuit_holds_when_the_positions_are_silent() -> None:
+    """The agent knows where it is, and where nobody else is."""
+    async with memory_fleet(scenario(2, "pursuit")) as fleet:
+        await fleet.until(lambda: len(fleet.driving) == 2, 3, "everybody drives")
+        fleet._snapshots.close()
+        await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 2.5, "it holds")
+        await fleet.until(lambda: not fleet.driving, 1, "all stand")
+
+
+@virtual
+async def test_a_velocity_that_cannot_come_means_hold() -> None:
+    """A robot alone, with no snapshot ever: pursuit never says a speed, and path following invents none."""
+    async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:
+        fleet._snapshots.close()
+        await fleet.start_agent("r1")
+        await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 2, "it holds")
+        await asyncio.sleep(1.0)
+        assert fleet.told("r1") == (0.0, 0.0)
+
+
+# ---- what keeps robots from driving
+
+
+@virtual
+async def test_who_has_heard_no_stop_state_stands() -> None:
+    async with memory_fleet(scenario(2, "circle"), agents=False) as fleet:
+        fleet.keeping = False
+        fleet._stops.close()  # what it keeps goes, too
+        fleet.network._kept.clear()
+        for name, publisher in fleet._behaviours.items():
+            publisher.put(fleet.kept.behaviour(name))
+        fleet._circles.put(fleet.kept.circle)
+        await fleet.start_agent("r1")
+        await fleet.until(lambda: fleet.holds("r1", "no stop state heard yet"), 2, "it says why")
+        await asyncio.sleep(2.0)
+        assert fleet.told("r1") == (0.0, 0.0)
+        assert fleet.healths["r1"].reasons == ("no stop state heard yet",)  # all else is there
+
+
+@virtual
+async def test_a_stop_order_stands_with_the_wheels_at_zero_until_it_is_lifted() -> None:
+    async with circling(2) as fleet:
+        fleet.order(fleet.kept.set_stop(Stop()))
+        await fleet.until(lambda: not fleet.driving, 0.1, "zero at once")
+        await fleet.until(lambda: all(fleet.healths[n].stop_latched for n in ("r1", "r2")), 0.1, "said at once")
+        assert fleet.holds("r1", "stop order to everybody")
+        await asyncio.sleep(1.5)
+        assert fleet.speed("r1") == pytest.approx(0.0, abs=1e-3)
+        assert not fleet.dead_man("r1")  # zero is commanded, not left to the dead-man
+        fleet.order(fleet.kept.resume(Resume(revision=fleet.kept.stop.revision)))
+        await fleet.until(lambda: len(fleet.driving) == 2, 0.5, "everybody drives")
+
+
+@virtual
+async def test_an_operators_stop_needs_no_base_station() -> None:
+    async with circling(2) as fleet:
+        fleet.keeping = False
+        operator = await fleet.bus()
+        orders = operator.publisher(channels.STOP)
+        orders.put(StopOrder(all=True, revision=0))
+        await fleet.until(lambda: not fleet.driving, 0.1, "zero at once")
+        # The old state, said again by a base station that never heard of it, lifts nothing.
+        fleet.publish_kept()
+        await asyncio.sleep(1.0)
+        assert not fleet.driving
+        # It takes over what the robots latched, and can then lift it.
+        assert fleet.kept.adopt("r1", fleet.healths["r1"])
+        fleet.publish_kept()
+        assert fleet.kept.stop.all
+        fleet.order(fleet.kept.resume(Resume(revision=fleet.kept.stop.revision)))
+        await fleet.until(lambda: len(fleet.driving) == 2, 0.5, "everybody drives")
+
+
+@virtual
+async def test_a_stale_pose_stands() -> None:
+    async with circling(1) as fleet:
+        fleet.seeing = False
+        took = await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.6, "zero")
+        assert took > 0.25  # a few lost frames are no reason to stop
+        await fleet.until(lambda: fleet.holds("r1", "no pose for"), 0.5, "it says why")
+        assert not fleet.dead_man("r1")
+        fleet.seeing = True
+        await fleet.until(lambda: fleet.told("r1") != (0.0, 0.0), 0.5, "it goes on")
+
+
+@virtual
+async def test_a_killed_agent_leaves_it_to_the_dead_man_and_a_cancelled_one_does_not() -> None:
+    async with circling(2) as fleet:
+        fleet.agents["r1"].cancel()
+        took = await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.1, "its last command is zero")
+        assert took < 0.05
+        assert fleet.told("r2") != (0.0, 0.0)
+        await fleet.until(lambda: fleet.dead_man("r1"), 0.5, "then the dead-man")
+
+
+# ---- behaviours that are none
+
+
+def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
+    async def main() -> None:
+        async with circling(1) as fleet:
+            order = SetBehaviour(behaviour=behaviour, parameters=parameters)
+            fleet.order(fleet.kept.set_behaviour(order))
+            await fleet.until(lambda: fleet.holds("r1", reason), 1.5, "it says why")
+            await asyncio.sleep(1.0)
+            assert fleet.told("r1") == (0.0, 0.0)
+            assert not fleet.agents["r1"].done()
+            fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle")))
+            await fleet.until(lambda: fleet.told("r1") != (0.0, 0.0), 1, "the next one is taken")
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "parameters", "reason"),
+    [
+        ("fly", {}, "got 'fly', expected one of circle, pursuit"),
+        ("nolab.swarm:flock", {}, "No module named 'nolab'"),
+        ("circle", {"sped": 0.2}, "behaviour.sped: got a key that nothing reads"),
+        ("circle", {"speed": "fast"}, "behaviour.speed: got 'fast' (text), expected a number at least 0"),
+        ("circle", {"speed": -0.1}, "behaviour.speed: got -0.1"),
+        ("circle", {"law": "magic"}, "magic"),
+        ("pursuit", {"pursuit": "magic"}, "magic"),
+        ("pursuit", {"v_min": 0.5, "v_max": 0.1}, "v_m"),
+        ("pursuit", {"pursuit": "importance", "importance": "nolab:weight"}, "No module named 'nolab'"),
+        ("pursuit", {"pursuit": "importance", "angles": (0.0, 1.0), "weights": (1.0,)}, ""),
+        ("dubins", {"turning_radius": 0}, "behaviour.turning_radius: got 0"),
+        ("dubins", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
+        ("steer", {"reverse_from": 0.1}, "behaviour.reverse_from: got 0.1"),
+        ("coverage", {"peaks": ((0.5, 0.5),)}, "behaviour.peaks: got 2 numbers"),
+        ("coverage", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
+    ],
+)
+def test_a_wrong_behaviour_leaves_the_robot_standing_with_the_reason(
+    behaviour: str, parameters: dict[str, Any], reason: str
+) -> None:
+    standing(behaviour, parameters, reason or f"behaviour {behaviour}: ")
+
+
+def users_own(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    (folder / "lab_of_ours.py").write_text(text)
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.delitem(sys.modules, "lab_of_ours", raising=False)
+
+
+def test_a_behaviour_that_crashes_takes_the_agent_down_and_the_robot_stops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    users_own(
+        tmp_path,
+        monkeypatch,
+        "async def swim(robot):\n"
+        "    async for estimate in robot.estimates():\n"
+        "        robot.drive(0.1, 0.0)\n"
+        "        if estimate.seq > 40:\n"
+        "            raise RuntimeError('out of water')\n",
+    )
+
+    async def main() -> None:
+        async with memory_fleet(scenario(2, "lab_of_ours:swim")) as fleet:
+            fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",))))
+            await fleet.until(lambda: len(fleet.driving) == 2, 3, "both drive")
+            await fleet.until(fleet.agents["r1"].done, 4, "the crash")
+            error: BaseException | None = fleet.agents["r1"].exception()
+            while isinstance(error, BaseExceptionGroup):
+                error = error.exceptions[0]
+            assert repr(error) == "RuntimeError('out of water')"
+            await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.1, "its last command is zero")
+            assert fleet.told("r2") != (0.0, 0.0)
+
+    run_virtually(main())
+
+
+def test_a_behaviour_that_says_nothing_more_is_not_driven_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    users_own(
+        tmp_path,
+        monkeypatch,
+        "import asyncio\n"
+        "async def sleepy(robot):\n"
+        "    robot.drive(0.2, 0.0)\n"
+        "    await asyncio.sleep(60)\n"
+        "async def brief(robot):\n"
+        "    robot.drive(0.2, 0.0)\n",
+    )
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "hold")) as fleet:
+            await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
+            for behaviour, reason in (("sleepy", "the behaviour is silent"), ("brief", "lab_of_ours:brief has ended")):
+                fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour=f"lab_of_ours:{behaviour}")))
+                await fleet.until(lambda r=reason: fleet.holds("r1", r), 1.5, reason)  # type: ignore[misc]
+                assert fleet.told("r1") == (0.0, 0.0)
+
+    run_virtually(main())
+
+
+def test_cancelling_an_agent_while_its_behaviour_changes_is_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    users_own(
+        tmp_path,
+        monkeypatch,
+        "import asyncio\n"
+        "async def slow_to_leave(robot):\n"
+        "    try:\n"
+        "        await asyncio.sleep(600)\n"
+        "    finally:\n"
+        "        await asyncio.sleep(0.5)\n",
+    )
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "lab_of_ours:slow_to_leave")) as fleet:
+            await asyncio.sleep(1.0)
+            fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle")))
+            await asyncio.sleep(0.25)  # it is leaving
+            fleet.agents["r1"].cancel()
+            await fleet.until(fleet.agents["r1"].done, 1, "the end")
+            assert fleet.agents["r1"].cancelled()
+
+    run_virtually(main())
+
+
+def test_the_flock_comes_in_by_the_door(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+
+    async def main() -> None:
+        async with memory_fleet(scenario(3, "flock:flock")) as fleet:
+            await fleet.until(lambda: len(fleet.driving) == 3, 3, "everybody flocks")
+            assert {fleet.healths[name].state for name in fleet.scenario.robots} <= {"flock", "holding"}
+            await asyncio.sleep(20.0)
+            places = [Pose2(*row) for row in fleet.plant.pose.tolist()]
+            assert all(math.hypot(p.x, p.y) < 1.5 for p in places)
+            assert all(fleet.healths[name].state == "flock" for name in fleet.scenario.robots)
+
+    run_virtually(main())
+
+
+def test_the_example_is_as_short_as_it_is_said_to_be() -> None:
+    assert len((EXAMPLES / "flock.py").read_text().splitlines()) < 25
+
+
+# ---- what strangers may send
+
+_HUGE = (1e300, -1e300, 1e154, 1e-300, 0.0, 5e5)
+
+
+@pytest.mark.parametrize("behaviour", ["circle", "pursuit", "dubins", "steer", "coverage"])
+def test_no_message_however_absurd_takes_an_agent_down(behaviour: str) -> None:
+    """Every number finite, so that the codec lets it pass, and none of them of this world."""
+
+    async def main() -> None:
+        async with memory_fleet(scenario(2, behaviour)) as fleet:
+            await fleet.until(lambda: set(fleet.healths) == {"r1", "r2"}, 3, "they live")
+            await asyncio.sleep(1.0)
+            stranger = await fleet.bus()
+            poses = stranger.publisher(channels.POSE, "r1")
+            circles = stranger.publisher(channels.CIRCLE)
+            speeds = stranger.publisher(channels.VELOCITY, "r1")
+            snapshots = stranger.publisher(channels.ALL_POSITIONS)
+            goals = stranger.publisher(channels.GOAL, "r1")
+            stops = stranger.publisher(channels.STOP)
+            for a in _HUGE:
+                for b in _HUGE:
+                    poses.put(PoseFix(x=a, y=b, theta=a, covariance=(b,) * 9, camera="north"))
+                    poses.put(PoseFix(x=0.1, y=0.1, theta=0.0, covariance=(a, 0, 0, 0, b, 0, 0, 0, 1), camera="x"))
+                    poses.put(PoseFix(stamp=abs(a) or 1.0, x=0.0, y=b, theta=b, covariance=(1.0,) * 9, camera="north"))
+                    circles.put(Circle(x=a, y=b, radius=abs(b) or 1e-300))
+                    speeds.put(SpeedReference(speed=a))
+                    goals.put(Goal(x=a, y=b, theta=a))
+                    states = (
+                        RobotState("r2", a, b, a, b, a, b, "tracking"),
+                        RobotState("r9", a, a, b, a, b, a, "lost"),
+                    )
+                    snapshots.put(FleetSnapshot(robots=states))
+                    stops.put(StopOrder(all=False, names=("r9",), revision=2**64 - 1))
+                    await asyncio.sleep(0.06)
+                    for name, task in fleet.agents.items():
+                        assert not task.done(), f"{name} ended at {a}, {b}: {task}"
+                    for v, omega in fleet.floor.commands.tolist():
+                        assert abs(v) <= 0.5
+                        assert abs(omega) <= 1.5
+            # The world is itself again, and so are they.
+            fleet.publish_kept()
+            for name in ("r1", "r2"):
+                fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle", parameters={"speed": 0.15})))
+                await fleet.until(lambda n=name: fleet.told(n) != (0.0, 0.0), 8, f"{name} drives again")  # type: ignore[misc]
+
+    run_virtually(main())
