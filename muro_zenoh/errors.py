@@ -10,6 +10,7 @@
     │   └── NoReply               an order was sent and nobody answered in time
     ├── BehaviourError            a behaviour could not be loaded or is not one
     ├── PlanningError             a plan that cannot be made (a goal outside the arena, say)
+    ├── MissingExtra              a package that comes with one of our extras is not installed
     └── SupervisionError          a child process could not be kept alive
 
 Every message says what was got, what was expected, where, and what to do next.
@@ -61,6 +62,20 @@ class BehaviourError(MuroError):
 
 class PlanningError(MuroError):
     """A plan that cannot be made."""
+
+
+class MissingExtra(MuroError):  # noqa: N818 - reads as a state, and is one
+    """A package that comes with one of our extras is not installed.
+
+    Args:
+        extra: such as ``figures``.
+        need: what needs it, such as ``drawing figures needs matplotlib``.
+        package: the package that is missing.
+    """
+
+    def __init__(self, extra: str, need: str, package: str) -> None:
+        self.extra = extra
+        super().__init__(f"{need}, and {package} is not installed: pip install 'muro-zenoh[{extra}]'")
 
 
 class SupervisionError(MuroError):
