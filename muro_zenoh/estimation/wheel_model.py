@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from muro_zenoh import elementwise
 from muro_zenoh.elementwise import Scalar
 
@@ -79,19 +81,27 @@ def follow(speed: Scalar, target: Scalar, grow: Any, fall: Any, lag: Any, dt: fl
     xp = elementwise.of(speed)
     lag = elementwise.of(lag).maximum(lag, _LEAST_LAG)
     gap = target - speed
-    reached: Scalar = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
+    reached: Any = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
     reversing: Any = speed * target < 0.0
-    if not (reversing.any() if xp is elementwise.ARRAYS else reversing):
-        return reached
+    if xp is elementwise.FLOATS:
+        if reversing:
+            reached = _reverse(xp, speed, target, grow, fall, lag, dt)
+    elif reversing.any():  # few are at any one time
+        few: list[Any] = [value[reversing] for value in np.broadcast_arrays(speed, target, grow, fall, lag)]
+        reached[reversing] = _reverse(xp, few[0], few[1], few[2], few[3], few[4], dt)
+    result: Scalar = reached
+    return result
+
+
+def _reverse(xp: Any, speed: Any, target: Any, grow: Any, fall: Any, lag: Any, dt: float) -> Any:
+    """The speed after ``dt`` where the sign changes: braked to standstill, then driven from there."""
     # From |gap| down to |target| is the way to standstill: a ramp down to the knee, an exponential below it.
+    gap = target - speed
     way, rest, knee = abs(gap), xp.maximum(abs(target), _TINY), fall * lag
-    ramp_end = xp.maximum(rest, knee)
-    braking = xp.maximum(0.0, way - ramp_end) / fall
+    braking = xp.maximum(0.0, way - xp.maximum(rest, knee)) / fall
     braking = braking + lag * xp.log(xp.maximum(xp.minimum(way, knee), rest) / rest)
-    after = xp.maximum(0.0, dt - braking)
-    from_rest = _approach(xp, target, target, grow, lag, after)
-    turned: Scalar = xp.where(reversing & (braking < dt), from_rest, reached)
-    return turned
+    from_rest = _approach(xp, target, target, grow, lag, xp.maximum(0.0, dt - braking))
+    return xp.where(braking < dt, from_rest, _approach(xp, target, gap, fall, lag, dt))
 
 
 def _approach(xp: Any, target: Any, gap: Any, limit: Any, lag: Any, dt: Any) -> Any:
