@@ -15,6 +15,9 @@ from muro_zenoh.messages import Estimate
 
 _STALE = channels.ALL_POSITIONS.stale_after or 0.0
 
+_STANDS_AFTER = 1.0
+"""A robot that has not moved for so long is not taking part [s]."""
+
 
 class PursuitParameters(CircleParameters, frozen=True, kw_only=True):
     """Parameters of the behaviour ``pursuit``, besides those of ``circle``.
@@ -66,24 +69,38 @@ async def pursuit(robot: Robot) -> None:
 
 async def _pursue(robot: Robot, law: PursuitLaw) -> None:
     order: tuple[str, ...] = ()
+    moved: dict[str, float] = {}
     async for estimate in robot.estimates():
         circle = robot.circle
         # Without fresh positions no speed is said, and path following stands still.
         if circle is None or robot.snapshot_age > _STALE:
             continue
-        step = pursue(robot.name, _ring(robot, estimate), circle, order, law)
+        step = pursue(robot.name, _ring(robot, estimate, moved, 0.5 * law.v_min), circle, order, law)
         order = step.order
         robot.velocity(step.speed)
 
 
-def _ring(robot: Robot, estimate: Estimate) -> dict[str, RingRobot]:
-    """Who counts: oneself as one knows oneself, and the others that are seen now and not told to stop."""
-    stopped = robot.stopped
-    ring = {
-        other.name: RingRobot(other.x, other.y, other.theta, other.v, other.age)
-        for other in robot.neighbours
-        if other.state in ("tracking", "disagrees") and other.name not in stopped
-    }
-    age = robot.now - estimate.stamp
+def _ring(robot: Robot, estimate: Estimate, moved: dict[str, float], still: float) -> dict[str, RingRobot]:
+    """Who counts: oneself as one knows oneself, and the others that are seen now, not told to stop, and move.
+
+    One that only stands there (its agent has died, or it does something else) would keep a gap to itself for ever.
+
+    Args:
+        robot: the robot.
+        estimate: its own.
+        moved: when each of the others was last seen to move, or first seen [s]; brought up to date here.
+        still: who is not faster than this stands [m/s].
+    """
+    now, stopped = robot.now, robot.stopped
+    ring = {}
+    for other in robot.neighbours:
+        if other.state not in ("tracking", "disagrees"):
+            moved.pop(other.name, None)
+            continue
+        if abs(other.v) > still or other.name not in moved:
+            moved[other.name] = now
+        if now - moved[other.name] <= _STANDS_AFTER and other.name not in stopped:
+            ring[other.name] = RingRobot(other.x, other.y, other.theta, other.v, other.age)
+    age = now - estimate.stamp
     ring[robot.name] = RingRobot(estimate.x, estimate.y, estimate.theta, estimate.v, age)
     return ring

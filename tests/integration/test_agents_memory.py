@@ -163,6 +163,31 @@ async def test_a_ring_spreads_anew_when_one_stops_by_order() -> None:
 
 
 @virtual
+async def test_a_ring_spreads_anew_when_an_agent_dies_and_again_when_it_is_back() -> None:
+    """The robot still stands on the circle, and the cameras still see it."""
+    async with circling(3, "pursuit") as fleet:
+        await fleet.until(lambda: fleet.spacing_error() < 0.1, 40, "an even ring")
+        fleet.agents["r3"].cancel()
+        await fleet.until(lambda: fleet.spacing_error(["r1", "r2"]) < 0.1, 30, "a ring of two")
+        await asyncio.sleep(5.0)
+        assert fleet.spacing_error(["r1", "r2"]) < 0.1
+        assert fleet.speed("r3") == pytest.approx(0.0, abs=1e-3)
+        await fleet.start_agent("r3")
+        await fleet.until(lambda: fleet.spacing_error() < 0.1, 30, "a ring of three")
+        await asyncio.sleep(5.0)
+        assert fleet.spacing_error() < 0.1
+
+
+@virtual
+async def test_a_robot_that_does_something_else_is_not_waited_for() -> None:
+    async with circling(3, "pursuit") as fleet:
+        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",))))
+        await fleet.until(lambda: fleet.spacing_error(["r1", "r3"]) < 0.1, 40, "a ring of two")
+        await asyncio.sleep(5.0)
+        assert fleet.spacing_error(["r1", "r3"]) < 0.1
+
+
+@virtual
 async def test_pursuit_holds_when_the_positions_are_silent() -> None:
     """The agent knows where it is, and where nobody else is."""
     async with memory_fleet(scenario(2, "pursuit")) as fleet:
