@@ -88,7 +88,11 @@ class Mean(NamedTuple):
 
 
 class Covariance(NamedTuple):
-    """Upper triangle of the state's covariance. x, y, t (theta), v (s_v), w (s_omega) name row and column."""
+    """Upper triangle of the state's covariance, row by row: x, y, t (theta), v (s_v), w (s_omega) name row and column.
+
+    ``xx``, ``xy``, ``yy`` [m^2]; ``xt``, ``yt`` [m rad]; ``tt`` [rad^2]; ``xv``, ``xw``, ``yv``, ``yw`` [m]; ``tv``,
+    ``tw`` [rad]; ``vv``, ``vw``, ``ww`` [1].
+    """
 
     xx: Any
     xy: Any
@@ -108,7 +112,10 @@ class Covariance(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """One measured pose: place [m, world], heading [rad], and the upper triangle of its 3x3 covariance."""
+    """One measured pose: ``x``, ``y`` [m, world], ``theta`` [rad], and the upper triangle of its 3x3 covariance.
+
+    ``xx``, ``xy``, ``yy`` [m^2]; ``xt``, ``yt`` [m rad]; ``tt`` [rad^2].
+    """
 
     x: Any
     y: Any
@@ -124,7 +131,7 @@ class Fix(NamedTuple):
 class Stretch(NamedTuple):
     """A stretch driven from a mean: the pose at its end, and what the covariance needs to know of the way.
 
-    ``turn``: angle the nominal wheels turned [rad], signed. ``x_by_w``, ``y_by_w``: derivatives of the end's place by
+    ``x``, ``y`` [m, world], ``theta`` [rad, not wrapped]. ``turn``: angle the nominal wheels turned [rad], signed. ``x_by_w``, ``y_by_w``: derivatives of the end's place by
     s_omega [m]. ``path``, ``spin``: distance and angle of the nominal wheels, unsigned [m], [rad]. ``time``: its length
     [s]. ``time_v``, ``time_w``: how much of it the scales could be seen [s].
     """
