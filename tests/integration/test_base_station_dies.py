@@ -1,0 +1,93 @@
+"""kill -9 of the base station: nobody drives without it, and nothing that it keeps is lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from muro_zenoh import channels
+from muro_zenoh.geometry import Circle
+from muro_zenoh.messages import SetBehaviour, SetCircle, Stop
+from tests.support.fleet import RealFleet, real_fleet
+
+pytestmark = pytest.mark.slow
+
+CIRCLE = Circle(0.1, -0.05, 0.7, True)
+
+
+async def test_the_base_station_dies_and_comes_back(tmp_path: Path) -> None:
+    async with real_fleet(tmp_path) as fleet:
+        await fleet.until(fleet.driving, 10, "everybody drives")
+        await fleet.ask(
+            channels.SET_CIRCLE, SetCircle(x=CIRCLE.x, y=CIRCLE.y, radius=CIRCLE.radius, clockwise=CIRCLE.clockwise)
+        )
+        await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle", parameters={"speed": 0.15}))
+        await fleet.ask(channels.STOP_ORDER, Stop(names=("r3",)))
+        await fleet.until(lambda: fleet.standing("r3"), 5, "r3 stands")
+        await fleet.until(lambda: fleet.radius_error(("r1", "r2")) < 0.03, 20, "the new circle")
+        await _who_drives_is_stopped_by_the_age_of_the_poses(fleet)
+        await _it_goes_on_as_it_was(fleet)
+        await _a_stop_needs_no_base_station(fleet)
+
+
+async def _who_drives_is_stopped_by_the_age_of_the_poses(fleet: RealFleet) -> None:
+    fleet.commands(), fleet.wheels()
+    killed = fleet.kill("basestation")
+    await fleet.until(lambda: fleet.says("r1", "no pose for") and fleet.says("r2", "no pose for"), 5, "they say why")
+    await fleet.until(lambda: fleet.bus.clock.now() - killed > 2.0, 5, "two seconds")
+
+    # The stamps are the writers' clocks; on one machine they are one.
+    commands = fleet.commands()
+    for name in ("r1", "r2"):
+        stamps = [
+            c.message.stamp - killed for c in commands if c.name == name and (c.message.v, c.message.omega) != (0, 0)
+        ]
+        assert stamps, f"{name} was driving until then"
+        assert max(stamps) < 0.6, f"{name} was commanded to drive {max(stamps):.2f} s after the kill"
+        assert any(c.message.stamp - killed > 1.0 for c in commands if c.name == name), "zero is commanded, not silence"
+    # What the wheels did by the simulator's clock: from 0.15 m/s they stand within the wheels' lag and the braking.
+    late = [w for w in fleet.wheels() if w.message.stamp - killed > 1.6]
+    assert {w.name for w in late} == {"r1", "r2", "r3"}
+    assert max(abs(w.message.v) for w in late) < 0.005
+
+
+async def _it_goes_on_as_it_was(fleet: RealFleet) -> None:
+    assert fleet.circle is not None
+    fleet.start("basestation")
+    await fleet.until(lambda: fleet.driving("r1", "r2"), 10, "they drive again")
+    assert fleet.circle == CIRCLE
+    for name in fleet.robots:
+        kept = fleet.behaviour.values()[name].message
+        assert (kept.behaviour, kept.parameters) == ("circle", {"speed": 0.15})
+    stop = fleet.stop.get()
+    assert stop is not None
+    assert (stop.message.all, stop.message.names) == (False, ("r3",))
+    await fleet.throughout(lambda: fleet.standing("r3"), 1.0, "r3 stands on")
+    await fleet.until(lambda: fleet.radius_error(("r1", "r2")) < 0.03, 15, "the same circle")
+    resumed = fleet.muro("resume", "r3")
+    assert resumed.returncode == 0, resumed.stdout + resumed.stderr
+    await fleet.until(fleet.driving, 5, "r3 drives, too")
+
+
+async def _a_stop_needs_no_base_station(fleet: RealFleet) -> None:
+    fleet.kill("basestation")
+    fleet.kill("r3")
+    stopped = fleet.muro("stop")
+    assert stopped.returncode == 0, stopped.stdout + stopped.stderr
+    assert "r1: has stopped\nr2: has stopped" in stopped.stdout
+    await fleet.until(fleet.standing, 3, "all stand")
+    fleet.start("r3")  # who was not there when the stop was given
+    await fleet.until(lambda: fleet.says("r3", "no stop state heard yet"), 5, "r3 heard of nothing")
+
+    fleet.commands()
+    fleet.start("basestation")
+    await fleet.until(lambda: fleet.says("r3", "stop order to everybody"), 10, "r3 hears of the stop")
+    await fleet.until(lambda: fleet.health["basestation"].numbers.get("frames", 0) > 20, 10, "robots are seen again")
+    await fleet.throughout(fleet.standing, 1.0, "nobody drives")
+    turned = {c.name for c in fleet.commands() if (c.message.v, c.message.omega) != (0.0, 0.0)}
+    assert turned == set(), "until an operator resumes, no command but zero"
+
+    resumed = fleet.muro("resume")
+    assert resumed.returncode == 0, resumed.stdout + resumed.stderr
+    await fleet.until(fleet.driving, 5, "everybody drives")
