@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final, TypeVar, get_type_hints
 import msgspec
 from msgspec import Meta
 
+from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.possible import check_possible
 from muro_zenoh.config.sections import (
     Arena,
@@ -41,6 +42,9 @@ _SECTIONS: Final[dict[str, type[Section]]] = {
 }
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
+_MERGED = ("all", "arena", "bus", "simulation")
+"""Sections in which a scenario changes single keys of its fleet file."""
+
 S = TypeVar("S", bound=Section)
 
 
@@ -59,48 +63,50 @@ def load_scenario(
         ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
     """
     path = Path(path)
-    table = _read_with_fleet(path)
+    table, origin = _read_with_fleet(path)
     for key, value in (overrides or {}).items():
         _override(table, key, value)
-    return parse_scenario(table, path.name, name=name or path.stem, robots=robots)
+        origin.note(key, "--set ")
+    return parse_scenario(table, origin, name=name or path.stem, robots=robots)
 
 
-def parse_scenario(table: Mapping[str, Any], file: str, *, name: str, robots: int | None = None) -> Scenario:
+def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, robots: int | None = None) -> Scenario:
     """A scenario from a parsed TOML table; see :func:`load_scenario`.
 
     Args:
         table: the parsed file.
-        file: its name, for errors.
+        file: its name, for errors; or which key came from which file.
         name: what to call the scenario.
         robots: how many robots to use.
 
     Raises:
         ConfigError: as for :func:`load_scenario`.
     """
-    _check_keys(table, _TOP, file, "")
+    origin = file if isinstance(file, Origin) else Origin(file)
+    _check_keys(table, _TOP, origin, "")
     sections: dict[str, Any] = {
-        key: _section(kind, _table(table, key, file), file, key) for key, kind in _SECTIONS.items()
+        key: _section(kind, _table(table, key, origin), origin, key) for key, kind in _SECTIONS.items()
     }
     cameras = {
-        _name(key, file, f"camera.{key}"): _section(
-            Camera, _as_table(value, file, f"camera.{key}"), file, f"camera.{key}"
+        _name(key, origin, f"camera.{key}"): _section(
+            Camera, _as_table(value, origin, f"camera.{key}"), origin, f"camera.{key}"
         )
-        for key, value in _table(table, "camera", file).items()
+        for key, value in _table(table, "camera", origin).items()
     }
     scenario = Scenario(
         name=name,
-        description=_value(str, table.get("description", ""), file, "description"),
-        duration=_value(Positive, table.get("duration", 60.0), file, "duration"),
-        robot=_robots(table, file, robots),
+        description=_value(str, table.get("description", ""), origin, "description"),
+        duration=_value(Positive, table.get("duration", 60.0), origin, "duration"),
+        robot=_robots(table, origin, robots),
         camera=cameras,
-        behaviour=_behaviour(_table(table, "behaviour", file), file),
+        behaviour=_behaviour(_table(table, "behaviour", origin), origin),
         goals={
-            _name(key, file, f"goals.{key}"): _value(tuple[GoalRow, ...], rows, file, f"goals.{key}")
-            for key, rows in _table(table, "goals", file).items()
+            _name(key, origin, f"goals.{key}"): _value(tuple[GoalRow, ...], rows, origin, f"goals.{key}")
+            for key, rows in _table(table, "goals", origin).items()
         },
         **sections,
     )
-    check_possible(scenario, file)
+    check_possible(scenario, origin)
     return scenario
 
 
@@ -124,7 +130,7 @@ def parameters_as(kind: type[S], parameters: Mapping[str, object], where: str) -
     Raises:
         ConfigError: a wrong key, type or range.
     """
-    return _section(kind, parameters, where, "behaviour")
+    return _section(kind, parameters, Origin(where), "behaviour")
 
 
 # ---- reading
@@ -154,17 +160,26 @@ def read_table(path: Path) -> dict[str, Any]:
     return table
 
 
-def _read_with_fleet(path: Path) -> dict[str, Any]:
+def _read_with_fleet(path: Path) -> tuple[dict[str, Any], Origin]:
     table = read_table(path)
+    origin = Origin(path.name)
     if "fleet" not in table:
-        return table
-    fleet_path = path.parent / _value(str, table["fleet"], path.name, "fleet")
+        return table, origin
+    fleet_path = path.parent / _value(str, table.pop("fleet"), origin, "fleet")
     fleet = read_table(fleet_path)
-    merged = {**fleet, **{key: value for key, value in table.items() if key != "fleet"}}
-    for key in ("all", "arena", "bus", "simulation"):
-        if key in fleet and key in table:
-            merged[key] = {**_as_table(fleet[key], fleet_path.name, key), **_as_table(table[key], path.name, key)}
-    return merged
+    fleet_origin = Origin(fleet_path.name)
+    if "fleet" in fleet:
+        raise ConfigError(fleet_origin.at("fleet"), got=show(fleet["fleet"]), expected="no fleet in a fleet file")
+    merged = {**fleet, **table}
+    for key in fleet:
+        if key not in table:
+            origin.note(key, f"{fleet_path.name}: ")
+        elif key in _MERGED:
+            ours, theirs = _as_table(table[key], origin, key), _as_table(fleet[key], fleet_origin, key)
+            merged[key] = {**theirs, **ours}
+            for inner in theirs.keys() - ours.keys():
+                origin.note(f"{key}.{inner}", f"{fleet_path.name}: ")
+    return merged, origin
 
 
 def _override(table: dict[str, Any], key: str, value: object) -> None:
@@ -177,78 +192,82 @@ def _override(table: dict[str, Any], key: str, value: object) -> None:
     table[last] = value
 
 
-def _table(table: Mapping[str, Any], key: str, file: str) -> Mapping[str, Any]:
-    return _as_table(table.get(key, {}), file, key)
+def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, Any]:
+    return _as_table(table.get(key, {}), origin, key)
 
 
-def _as_table(value: object, file: str, key: str) -> Mapping[str, Any]:
+def _as_table(value: object, origin: Origin, key: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise ConfigError(f"{file}: {key}", got=show(value), expected=f"a table [{key}]")
+        raise ConfigError(origin.at(key), got=show(value), expected=f"a table [{key}]")
     return value
 
 
-def _section(kind: type[S], table: Mapping[str, Any], file: str, path: str) -> S:
+def _section(kind: type[S], table: Mapping[str, Any], origin: Origin, path: str) -> S:
     hints = get_type_hints(kind, include_extras=True)
-    _check_keys(table, tuple(hints), file, path)
-    values = {key: _value(hints[key], value, file, f"{path}.{key}", unit_of(kind, key)) for key, value in table.items()}
+    _check_keys(table, tuple(hints), origin, path)
+    values = {
+        key: _value(hints[key], value, origin, f"{path}.{key}", unit_of(kind, key)) for key, value in table.items()
+    }
     return kind(**values)
 
 
-def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], file: str, path: str) -> None:
+def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], origin: Origin, path: str) -> None:
     for key in table:
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
             raise ConfigError(
-                f"{file}: {path}.{key}" if path else f"{file}: {key}",
+                origin.at(f"{path}.{key}" if path else key),
                 got="a key that nothing reads",
                 expected=f"one of {', '.join(known)}",
                 hint=f"Did you mean {close[0]}?" if close else "",
             )
 
 
-def _value(kind: Any, value: object, file: str, path: str, unit: str = "") -> Any:
+def _value(kind: Any, value: object, origin: Origin, path: str, unit: str = "") -> Any:
     try:
         converted = msgspec.convert(value, kind)
     except msgspec.ValidationError:
-        raise ConfigError(f"{file}: {path}", got=show(value), expected=expected(kind, unit)) from None
+        raise ConfigError(origin.at(path), got=show(value), expected=expected(kind, unit)) from None
     if isinstance(converted, float) and not math.isfinite(converted):
-        raise ConfigError(f"{file}: {path}", got=str(converted), expected="a finite number")
+        raise ConfigError(origin.at(path), got=str(converted), expected="a finite number")
     return converted
 
 
-def _name(name: str, file: str, path: str) -> str:
-    _value(Name, name, file, path)
+def _name(name: str, origin: Origin, path: str) -> str:
+    _value(Name, name, origin, path)
     return name
 
 
-def _robots(table: Mapping[str, Any], file: str, wanted: int | None) -> dict[str, Robot]:
-    common = dict(_table(table, "all", file))
+def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, Robot]:
+    common = dict(_table(table, "all", origin))
     if "tag" in common:
-        raise ConfigError(f"{file}: all.tag", got=show(common["tag"]), expected="no tag here: each robot has its own")
-    _section(Robot, common, file, "all")  # so that an error there is named there
-    given = _table(table, "robot", file)
+        raise ConfigError(origin.at("all.tag"), got=show(common["tag"]), expected="no tag here: each robot has its own")
+    _section(Robot, common, origin, "all")  # so that an error there is named there
+    given = _table(table, "robot", origin)
     if given and "robots" in table:
-        raise ConfigError(f"{file}: robots", got="a number besides [robot.*]", expected="either the one or the other")
+        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="either the one or the other")
     if wanted is None and "robots" in table:
-        wanted = _value(Annotated[int, Meta(ge=1)], table["robots"], file, "robots")
+        wanted = _value(Annotated[int, Meta(ge=1)], table["robots"], origin, "robots")
     if given:
         robots = {
-            _name(key, file, f"robot.{key}"): _section(
-                Robot, {**common, **_as_table(value, file, f"robot.{key}")}, file, f"robot.{key}"
+            _name(key, origin, f"robot.{key}"): _section(
+                Robot, {**common, **_as_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
             )
             for key, value in given.items()
         }
         if wanted is not None and wanted > len(robots):
-            raise ConfigError("--robots", got=str(wanted), expected=f"at most {len(robots)}, the robots in {file}")
+            raise ConfigError(
+                "--robots", got=str(wanted), expected=f"at most {len(robots)}, the robots in {origin.file}"
+            )
         return dict(list(robots.items())[:wanted])
     if wanted is not None and wanted < 1:
         raise ConfigError("--robots", got=str(wanted), expected="1 or more")
-    return {f"r{i + 1}": _section(Robot, {**common, "tag": i}, file, "all") for i in range(wanted or 1)}
+    return {f"r{i + 1}": _section(Robot, {**common, "tag": i}, origin, "all") for i in range(wanted or 1)}
 
 
-def _behaviour(table: Mapping[str, Any], file: str) -> BehaviourSettings:
-    name = _value(str, table.get("name", "hold"), file, "behaviour.name")
-    rest = {k: _value(Value, v, file, f"behaviour.{k}") for k, v in table.items() if k != "name"}
+def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
+    name = _value(str, table.get("name", "hold"), origin, "behaviour.name")
+    rest = {k: _value(Value, v, origin, f"behaviour.{k}") for k, v in table.items() if k != "name"}
     return BehaviourSettings(name=name, parameters=rest)
 
 

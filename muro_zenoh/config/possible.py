@@ -4,54 +4,55 @@ from __future__ import annotations
 
 import math
 
+from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
 
 
-def check_possible(s: Scenario, file: str) -> None:
+def check_possible(s: Scenario, origin: Origin) -> None:
     """Refuse an impossible scenario.
 
     Args:
         s: the scenario.
-        file: where it came from, for errors.
+        origin: where its keys came from, for errors.
 
     Raises:
         ConfigError: an empty arena, two robots with one tag, a circle outside the arena, too many robots for it ...
     """
     a = s.arena
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
-        raise ConfigError(f"{file}: arena", got=str(a.bounds), expected="x_min < x_max and y_min < y_max")
-    _check_tags(s, file)
+        raise ConfigError(origin.at("arena"), got=str(a.bounds), expected="x_min < x_max and y_min < y_max")
+    _check_tags(s, origin)
     for name, camera in s.camera.items():
         if (camera.pixels is None) != (camera.metres is None):
-            raise ConfigError(f"{file}: camera.{name}", got="pixels or metres alone", expected="both, or neither")
+            raise ConfigError(origin.at(f"camera.{name}"), got="pixels or metres alone", expected="both, or neither")
         if camera.pixels is not None and camera.metres is not None and len(camera.pixels) != len(camera.metres):
             raise ConfigError(
-                f"{file}: camera.{name}.metres",
+                origin.at(f"camera.{name}.metres"),
                 got=f"{len(camera.metres)} points",
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
-    _check_circle(s, file)
-    _check_goals(s, file)
+    _check_circle(s, origin)
+    _check_goals(s, origin)
 
 
-def _check_tags(s: Scenario, file: str) -> None:
+def _check_tags(s: Scenario, origin: Origin) -> None:
     owner: dict[int, str] = {}
     for name, robot in s.robot.items():
         if robot.tag is None:
             if s.camera:
-                raise ConfigError(f"{file}: robot.{name}.tag", got="no tag", expected="the id of the tag it carries")
+                raise ConfigError(origin.at(f"robot.{name}.tag"), got="no tag", expected="the id of the tag it carries")
             continue
         if robot.tag in owner:
             raise ConfigError(
-                f"{file}: robot.{name}.tag",
+                origin.at(f"robot.{name}.tag"),
                 got=f"{robot.tag}, which robot {owner[robot.tag]} carries too",
                 expected="a tag of its own",
             )
         owner[robot.tag] = name
 
 
-def _check_circle(s: Scenario, file: str) -> None:
+def _check_circle(s: Scenario, origin: Origin) -> None:
     if s.behaviour.name not in ("circle", "pursuit"):
         return
     c, a = s.circle, s.arena
@@ -59,7 +60,7 @@ def _check_circle(s: Scenario, file: str) -> None:
     room = min(c.x - a.x_min, a.x_max - c.x, c.y - a.y_min, a.y_max - c.y) - body
     if c.radius > room:
         raise ConfigError(
-            f"{file}: circle.radius",
+            origin.at("circle.radius"),
             got=f"{c.radius:g} m round ({c.x:g}, {c.y:g})",
             expected=f"at most {max(room, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
         )
@@ -68,14 +69,14 @@ def _check_circle(s: Scenario, file: str) -> None:
     if s.behaviour.name == "pursuit" and chord < 2.0 * body:
         most = int(math.pi / math.asin(min(1.0, body / c.radius)))
         raise ConfigError(
-            f"{file}: circle.radius",
+            origin.at("circle.radius"),
             got=f"{count} robots on a circle of {c.radius:g} m, {chord:.3f} m apart",
             expected=f"at least {2 * body:g} m between their centres",
             hint=f"At most {most} robots fit, or a circle of {body / math.sin(math.pi / count):.2f} m.",
         )
 
 
-def _check_goals(s: Scenario, file: str) -> None:
+def _check_goals(s: Scenario, origin: Origin) -> None:
     a = s.arena
     for name, goals in s.goals.items():
         if name not in s.robot:
@@ -84,7 +85,7 @@ def _check_goals(s: Scenario, file: str) -> None:
         for index, (x, y, *_) in enumerate(goals):
             if not (a.x_min + body <= x <= a.x_max - body and a.y_min + body <= y <= a.y_max - body):
                 raise ConfigError(
-                    f"{file}: goals.{name}[{index}]",
+                    origin.at(f"goals.{name}[{index}]"),
                     got=f"({x:g}, {y:g})",
                     expected=f"a place at least the robot's radius, {body:g} m, inside the arena",
                 )

@@ -17,6 +17,7 @@ Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
 Point = Annotated[tuple[float, ...], Meta(min_length=2, max_length=2)]
 GoalRow = Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
+Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
@@ -165,7 +166,7 @@ class BusSettings(Section, frozen=True, kw_only=True):
         lease: a link that was silent for so long is given up [s].
     """
 
-    realm: str = "muro"
+    realm: Realm = "muro"
     mode: Literal["client", "peer", "router"] = "client"
     connect: tuple[NetworkPoint, ...] = ("tcp/127.0.0.1:7447",)
     listen: tuple[NetworkPoint, ...] = ()
@@ -196,6 +197,16 @@ class Checks(Section, frozen=True, kw_only=True):
         fix_rate: at least, for every robot [Hz].
         pose_age_p99: at most [s].
         collisions: at most.
+        goals_missed: at most so many of the scenario's goals are not reached.
+        goal_distance: from a goal, of who stands at it, at most [m].
+        goal_heading: off the heading asked for at a goal, at most [rad].
+        tracking_error_p95: distance from the planned path, at most [m].
+        peak_speed_ratio: every robot's greatest speed on a straight over its ``v_min``, at least.
+        command_ratio: the greatest speed commanded over the robot's limit, at most; 1 is within the limits.
+        coverage_distance: from a robot to its own cell's centroid, at rest at the end, at most [m].
+        coverage_gain: by what fraction going on with Lloyd's algorithm would lower the cost, at most.
+        coverage_rise: by what fraction the cost rises from one round to the next, at most.
+        density_error: total variation distance of the time spent round the circle from the importance, at most.
     """
 
     window: Positive = 15.0
@@ -205,6 +216,16 @@ class Checks(Section, frozen=True, kw_only=True):
     fix_rate: Positive | None = None
     pose_age_p99: Positive | None = None
     collisions: Annotated[int, Meta(ge=0)] | None = None
+    goals_missed: Annotated[int, Meta(ge=0)] | None = None
+    goal_distance: Positive | None = None
+    goal_heading: Positive | None = None
+    tracking_error_p95: Positive | None = None
+    peak_speed_ratio: Positive | None = None
+    command_ratio: Positive | None = None
+    coverage_distance: Positive | None = None
+    coverage_gain: Positive | None = None
+    coverage_rise: Positive | None = None
+    density_error: Positive | None = None
 
 
 class Simulation(Section, frozen=True, kw_only=True):

@@ -16,9 +16,9 @@ def show(value: object) -> str:
 
 def unit_of(kind: type, key: str) -> str:
     """The unit that a section's docstring gives an attribute, such as ``[m]``; empty when it has none."""
-    text = " ".join((kind.__doc__ or "").split())
-    found = re.search(rf" {key}: [^:]*?(\[[^\]]+\])", text)
-    return found.group(1) if found else ""
+    entry = re.search(rf"^ +{key}: (.*?)(?=^ +\w+: |\Z)", kind.__doc__ or "", re.MULTILINE | re.DOTALL)
+    found = re.search(r"\[[^\]]+\]", entry.group(1)) if entry else None
+    return found.group() if found else ""
 
 
 def expected(kind: Any, unit: str = "") -> str:

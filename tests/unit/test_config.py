@@ -1,0 +1,344 @@
+"""Settings: what is right is read, what is wrong is named with its file, its full key, what was got and expected."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from muro_zenoh.config import (
+    BehaviourSettings,
+    CircleSettings,
+    Robot,
+    Scenario,
+    Section,
+    as_table,
+    load_scenario,
+    parameters_as,
+    parse_scenario,
+)
+from muro_zenoh.config.sections import BusSettings, Positive
+from muro_zenoh.config.words import unit_of
+from muro_zenoh.errors import ConfigError
+
+ROOT = Path(__file__).parents[2]
+BUILT_IN = sorted((ROOT / "muro_zenoh" / "cli" / "scenarios").glob("*.toml"))
+DEPLOYED = sorted((ROOT / "deploy").glob("*.toml"))
+
+
+def parse(table: dict[str, Any], robots: int | None = None) -> Scenario:
+    return parse_scenario(table, "lab.toml", name="lab", robots=robots)
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+# ---- what is right
+
+
+@pytest.mark.parametrize("path", [*BUILT_IN, *DEPLOYED], ids=lambda path: path.stem)
+def test_the_files_that_we_ship_are_right(path: Path) -> None:
+    assert load_scenario(path).robot
+
+
+@pytest.mark.parametrize("path", [*BUILT_IN, *DEPLOYED], ids=lambda path: path.stem)
+def test_a_scenario_survives_the_way_to_a_process(path: Path) -> None:
+    scenario = load_scenario(path)
+    assert parse_scenario(as_table(scenario), "run.json", name=scenario.name) == scenario
+
+
+def test_an_empty_file_is_a_lab_of_one_robot_that_stands_still() -> None:
+    lab = parse({})
+    assert lab.robots == ("r1",)
+    assert lab.behaviour == BehaviourSettings(name="hold")
+
+
+def test_a_robots_settings_cascade() -> None:
+    lab = parse({"all": {"radius": 0.2, "v_max": 0.4}, "robot": {"r1": {"tag": 1}, "r2": {"tag": 2, "v_max": 0.3}}})
+    assert lab.robot["r1"] == Robot(tag=1, radius=0.2, v_max=0.4)
+    assert lab.robot["r2"] == Robot(tag=2, radius=0.2, v_max=0.3)
+
+
+@pytest.mark.parametrize(("given_", "asked", "names"), [(None, 3, 3), (4, None, 4), (4, 2, 2), (None, None, 1)])
+def test_robots_are_made_from_all(given_: int | None, asked: int | None, names: int) -> None:
+    lab = parse({} if given_ is None else {"robots": given_}, robots=asked)
+    assert lab.robots == tuple(f"r{i + 1}" for i in range(names))
+    assert [robot.tag for robot in lab.robot.values()] == list(range(names))
+
+
+def test_of_named_robots_the_first_are_taken() -> None:
+    table = {"robot": {"anna": {"tag": 4}, "bert": {"tag": 2}, "carl": {"tag": 9}}}
+    assert parse(table, robots=2).robots == ("anna", "bert")
+
+
+def test_the_keys_of_a_behaviour_are_its_parameters() -> None:
+    behaviour = parse({"behaviour": {"name": "mylab.swarm:flock", "speed": 0.1, "turns": [1, 2.5]}}).behaviour
+    assert behaviour.name == "mylab.swarm:flock"
+    assert behaviour.parameters == {"speed": 0.1, "turns": (1, 2.5)}
+
+
+def test_a_scenario_may_lean_on_a_fleet(tmp_path: Path) -> None:
+    write(tmp_path, "lab.toml", "[all]\nradius = 0.1\nv_max = 0.3\n[robot.anna]\ntag = 7\n[arena]\nx_max = 3.0\n")
+    path = write(tmp_path, "run.toml", 'fleet = "lab.toml"\n[all]\nv_max = 0.2\n[arena]\ny_max = 2.0\n')
+    lab = load_scenario(path)
+    assert lab.name == "run"
+    assert lab.robot == {"anna": Robot(tag=7, radius=0.1, v_max=0.2)}
+    assert (lab.arena.x_max, lab.arena.y_max, lab.arena.x_min) == (3.0, 2.0, -2.1)
+
+
+def test_the_command_line_has_the_last_word(tmp_path: Path) -> None:
+    path = write(tmp_path, "run.toml", "[circle]\nradius = 0.5\n")
+    lab = load_scenario(path, overrides={"circle.radius": 0.7, "behaviour.name": "circle", "duration": 5})
+    assert (lab.circle.radius, lab.behaviour.name, lab.duration) == (0.7, "circle", 5.0)
+
+
+@settings(max_examples=50)
+@given(
+    radius=st.floats(0.05, 0.4),
+    v_max=st.floats(0.1, 2.0),
+    count=st.integers(1, 12),
+    clockwise=st.booleans(),
+    x=st.floats(-0.5, 0.5),
+)
+def test_any_scenario_survives_the_way_to_a_process(
+    radius: float, v_max: float, count: int, clockwise: bool, x: float
+) -> None:
+    table = {"robots": count, "all": {"radius": radius, "v_max": v_max}, "circle": {"x": x, "clockwise": clockwise}}
+    lab = parse(table)
+    assert parse(as_table(lab)) == lab
+
+
+# ---- what is wrong
+
+WRONG: list[tuple[dict[str, Any], str]] = [
+    ({"colour": 1}, "lab.toml: colour: got a key that nothing reads, expected one of fleet,"),
+    ({"circel": {}}, "Did you mean circle?"),
+    (
+        {"circle": {"raduis": 1.0}},
+        "lab.toml: circle.raduis: got a key that nothing reads, expected one of x, y",
+    ),
+    ({"circle": {"raduis": 1.0}}, "Did you mean radius?"),
+    ({"circle": {"radius": "0.8 m"}}, "lab.toml: circle.radius: got '0.8 m' (text), expected a number above 0 [m]"),
+    ({"circle": {"radius": -1}}, "lab.toml: circle.radius: got -1 (integer), expected a number above 0 [m]"),
+    ({"circle": {"radius": True}}, "lab.toml: circle.radius: got True (boolean), expected a number above 0 [m]"),
+    ({"circle": {"clockwise": "no"}}, "lab.toml: circle.clockwise: got 'no' (text), expected true or false"),
+    ({"circle": {"x": float("nan")}}, "lab.toml: circle.x: got nan"),
+    ({"circle": {"radius": float("inf")}}, "lab.toml: circle.radius: got inf, expected a finite number"),
+    ({"circle": 3}, "lab.toml: circle: got 3 (integer), expected a table [circle]"),
+    ({"arena": {"x_min": [1]}}, "lab.toml: arena.x_min: got [1] (array), expected a number"),
+    ({"robot": {"r1": {"tag": 1.5}}}, "lab.toml: robot.r1.tag: got 1.5 (number), expected a whole number at least 0"),
+    ({"robot": {"r1": {"tag_yaw": 90}}}, "lab.toml: robot.r1.tag_yaw: got 90 (integer), expected a number at least"),
+    ({"robot": {"r1": {"tag_yaw": 90}}}, "[rad]"),
+    (
+        {"robot": {"r1": {"v_max": "fast"}}},
+        "robot.r1.v_max: got 'fast' (text), expected a number above 0 [m/s]",
+    ),
+    ({"robot": {"r1": {"base": "real"}}}, "lab.toml: robot.r1.base: got 'real' (text), expected one of 'simulated'"),
+    ({"robot": {"R1": {"tag": 1}}}, "lab.toml: robot.R1: got 'R1' (text), expected text like"),
+    ({"robot": {"r1": 4}}, "lab.toml: robot.r1: got 4 (integer), expected a table [robot.r1]"),
+    ({"robot": [1]}, "lab.toml: robot: got [1] (array), expected a table [robot]"),
+    ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number above 0 [m]"),
+    ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag here"),
+    ({"robots": 0}, "lab.toml: robots: got 0 (integer), expected a whole number at least 1"),
+    ({"robots": 2, "robot": {"r1": {}}}, "lab.toml: robots: got a number besides [robot.*]"),
+    ({"camera": {"north": {"rate": 0}}}, "lab.toml: camera.north.rate: got 0 (integer), expected a number above 0"),
+    ({"camera": {"north": {"rate": 0}}}, "[Hz]"),
+    (
+        {"camera": {"north": {"width": 1e3}}},
+        "camera.north.width: got 1000.0 (number), expected a whole number",
+    ),
+    ({"camera": {"North": {}}}, "lab.toml: camera.North: got 'North'"),
+    (
+        {"bus": {"mode": "server"}},
+        "bus.mode: got 'server' (text), expected one of 'client', 'peer', 'router'",
+    ),
+    (
+        {"bus": {"connect": ["localhost"]}},
+        "bus.connect: got ['localhost'] (array), expected an array of text like",
+    ),
+    ({"bus": {"realm": "My Lab"}}, "lab.toml: bus.realm: got 'My Lab' (text), expected text like"),
+    ({"bus": {"lease": 0.01}}, "lab.toml: bus.lease: got 0.01 (number), expected a number at least 0.2 at most 60 [s]"),
+    ({"duration": 0}, "lab.toml: duration: got 0 (integer), expected a number above 0"),
+    ({"behaviour": {"name": 3}}, "lab.toml: behaviour.name: got 3 (integer), expected text"),
+    ({"behaviour": {"name": "circle", "when": {"x": 1}}}, "lab.toml: behaviour.when: got {'x': 1} (table)"),
+    ({"checks": {"settle_time": "soon"}}, "lab.toml: checks.settle_time: got 'soon' (text), expected a number above 0"),
+    (
+        {"simulation": {"drive_error": 20}},
+        "simulation.drive_error: got 20 (integer), expected a number at least 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("table", "said"), WRONG, ids=[said[:50] for _, said in WRONG])
+def test_what_is_wrong_is_named(table: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        parse(table)
+
+
+SMALL = {"x_min": -1.0, "x_max": 1.0, "y_min": -1.0, "y_max": 1.0}
+PIXELS = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]
+IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
+    "an arena inside out": (
+        {"arena": {"x_min": 3.0}},
+        "lab.toml: arena: got (3.0, -1.5, 2.1, 1.5), expected x_min <",
+    ),
+    "an arena without height": ({"arena": {"y_min": 1.5}}, "lab.toml: arena: got"),
+    "two robots with one tag": (
+        {"robot": {"r1": {"tag": 3}, "r2": {"tag": 3}}},
+        "lab.toml: robot.r2.tag: got 3, which robot r1 carries too, expected a tag of its own",
+    ),
+    "a robot that no camera can see": (
+        {"camera": {"north": {}}, "robot": {"r1": {}}},
+        "lab.toml: robot.r1.tag: got no tag, expected the id of the tag it carries",
+    ),
+    "a circle outside the arena": (
+        {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
+        "lab.toml: circle.radius: got 0.9 m round (0, 0), expected at most 0.823 m, so that robots of 0.177 m radius",
+    ),
+    "a circle whose centre is outside": (
+        {"arena": SMALL, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.5, "x": 4.0}},
+        "lab.toml: circle.radius: got 0.5 m round (4, 0), expected at most 0 m",
+    ),
+    "too many robots for the circle": (
+        {"robots": 15, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
+        "lab.toml: circle.radius: got 15 robots on a circle of 0.8 m, 0.333 m apart, expected at least 0.354 m between "
+        "their centres. At most 14 robots fit, or a circle of 0.85 m.",
+    ),
+    "pixels without metres": (
+        {"camera": {"north": {"pixels": PIXELS}}},
+        "lab.toml: camera.north: got pixels or metres alone, expected both, or neither",
+    ),
+    "more pixels than metres": (
+        {"camera": {"north": {"pixels": [*PIXELS, [5.0, 5.0]], "metres": PIXELS}}},
+        "lab.toml: camera.north.metres: got 4 points, expected as many as pixels has: 5",
+    ),
+    "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
+    "a goal outside the arena": (
+        {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
+        "lab.toml: goals.r1[1]: got (5, 0), expected a place at least the robot's radius, 0.177 m, inside the arena",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", IMPOSSIBLE)
+def test_what_is_impossible_is_told_before_anything_starts(what: str) -> None:
+    table, said = IMPOSSIBLE[what]
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        parse(table)
+
+
+def test_the_most_robots_that_are_said_to_fit_do() -> None:
+    table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}}
+    assert len(parse(table, robots=14).robot) == 14
+    with pytest.raises(ConfigError, match="At most 14"):
+        parse(table, robots=15)
+
+
+@pytest.mark.parametrize(
+    ("robots", "said"), [(0, "--robots: got 0, expected 1 or more"), (3, "--robots: got 3, expected at most 2")]
+)
+def test_a_number_of_robots_that_cannot_be_is_named(robots: int, said: str) -> None:
+    table = {} if robots == 0 else {"robot": {"r1": {"tag": 1}, "r2": {"tag": 2}}}
+    with pytest.raises(ConfigError, match=said):
+        parse(table, robots=robots)
+
+
+def test_an_error_names_the_file_that_the_key_stands_in(tmp_path: Path) -> None:
+    write(tmp_path, "lab.toml", "[all]\nv_max = -1\n[robot.anna]\ntag = 7\nradius = 'big'\n[circle]\nradius = 1.0\n")
+    path = write(tmp_path, "run.toml", 'fleet = "lab.toml"\n[all]\nradius = 0.1\n')
+    with pytest.raises(ConfigError, match=r"^lab\.toml: all\.v_max: got -1"):
+        load_scenario(path)
+    with pytest.raises(ConfigError, match=r"^lab\.toml: robot\.anna\.radius: got 'big'"):
+        load_scenario(path, overrides={"all.v_max": 0.5})
+    with pytest.raises(ConfigError, match=r"^bad\.toml: all\.radius: got 0 "):
+        load_scenario(write(tmp_path, "bad.toml", 'fleet = "lab.toml"\n[all]\nradius = 0\nv_max = 0.5\n'))
+    with pytest.raises(ConfigError, match=r"^--set all\.radius: got 0 "):
+        load_scenario(path, overrides={"all.radius": 0, "all.v_max": 0.5})
+    with pytest.raises(ConfigError, match=r"^--set robot: got 5 "):
+        load_scenario(path, overrides={"all.v_max": 0.5, "robot": 5})
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("radius = ", r"run\.toml: got .*, expected TOML"),
+        ('fleet = "gone.toml"', r"gone\.toml: got no such file, expected a TOML file"),
+        ("fleet = 3", r"run\.toml: fleet: got 3 \(integer\), expected text"),
+        ('fleet = "run.toml"', r"run\.toml: fleet: got 'run.toml' \(text\), expected no fleet in a fleet file"),
+        ("\x00", r"run\.toml: got .*, expected TOML"),
+    ],
+)
+def test_a_file_that_is_none_is_named(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        load_scenario(write(tmp_path, "run.toml", text))
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="expected a readable TOML file"):
+        load_scenario(tmp_path)
+    with pytest.raises(ConfigError, match=r"absent\.toml: got no such file"):
+        load_scenario(tmp_path / "absent.toml")
+    (tmp_path / "run.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="expected TOML"):
+        load_scenario(tmp_path / "run.toml")
+
+
+@given(text=st.text(max_size=60))
+def test_any_text_is_a_scenario_or_a_config_error(text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.toml"
+    path.write_bytes(text.encode("utf-8", "replace"))
+    try:
+        scenario = load_scenario(path)
+    except ConfigError:
+        return
+    assert scenario.robot
+
+
+# ---- behaviours' parameters, units
+
+
+class Cruise(Section, frozen=True, kw_only=True):
+    """A behaviour's parameters.
+
+    Attributes:
+        cruise: how fast [m/s].
+        turns: how often.
+    """
+
+    cruise: Positive = 0.2
+    turns: int = 1
+
+
+def test_parameters_become_a_value() -> None:
+    assert parameters_as(Cruise, {"cruise": 1}, "lab.toml") == Cruise(cruise=1.0)
+
+
+def test_wrong_parameters_are_named() -> None:
+    said = "order: behaviour.cruise: got 0 (integer), expected a number above 0 [m/s]"
+    with pytest.raises(ConfigError, match=re.escape(said)):
+        parameters_as(Cruise, {"cruise": 0}, "order")
+    with pytest.raises(ConfigError, match=r"Did you mean cruise\?"):
+        parameters_as(Cruise, {"cruize": 0.1}, "order")
+
+
+@pytest.mark.parametrize(
+    ("kind", "key", "unit"),
+    [(CircleSettings, "radius", "[m]"), (CircleSettings, "clockwise", ""), (Robot, "alpha_max", "[rad/s^2]"),
+     (Robot, "tag_x", "[m]"), (Robot, "base", ""), (BusSettings, "lease", "[s]"), (BusSettings, "mode", "")],
+)  # fmt: skip
+def test_units_come_from_the_docstring(kind: type[Section], key: str, unit: str) -> None:
+    assert unit_of(kind, key) == unit
+
+
+@pytest.mark.parametrize("kind", Section.__subclasses__(), ids=lambda kind: kind.__name__)
+def test_every_setting_is_documented(kind: type[Section]) -> None:
+    text = kind.__doc__ or ""
+    missing = [field for field in kind.__struct_fields__ if not re.search(rf"^ +{field}: ", text, re.MULTILINE)]
+    assert not missing, f"{kind.__name__}: say what these are: {missing}"
