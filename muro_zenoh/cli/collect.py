@@ -8,11 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from muro_zenoh import channels
+from muro_zenoh.cli.asked import asked_of
 from muro_zenoh.cli.score import RADIUS_BAND, SAMPLE_PERIOD, Calibrated, Observed, Sample, radius_error
+from muro_zenoh.cli.score_goals import Body, Planned
 from muro_zenoh.config import Scenario
-from muro_zenoh.geometry import Circle
-from muro_zenoh.messages import Health
-from muro_zenoh.transport import Bus, Received
+from muro_zenoh.geometry import Circle, Pose2
+from muro_zenoh.messages import Health, VelocityCommand
+from muro_zenoh.planning.path import Path, Segment
+from muro_zenoh.transport import Bus, Every, Received
 
 TRUTH_FRESH = 0.5
 """A truth older than this is not known any more [s]; the simulator sends 50 a second."""
@@ -64,6 +67,14 @@ class Collector:
         self._circle = bus.latest(channels.CIRCLE)
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
+        self._paths = bus.every(channels.PATH, "*", depth=4096)
+        # Only who asks for it pays for it.
+        self._commands = (
+            bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
+        )
+        self._asked = asked_of(scenario)
+        self._planned: dict[str, list[Planned]] = {name: [] for name in scenario.robots}
+        self._command_ratio: float | None = None
         self._writers: dict[str, _Writer] = {}
         self._epochs: dict[str, int] = {}
         self._contacts = _Contacts()
@@ -96,6 +107,9 @@ class Collector:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self.hear(), name="collect health")
             tasks.create_task(self._sample_at_10_hz(), name="collect samples")
+            tasks.create_task(self._note_paths(), name="collect paths")
+            if self._commands is not None:
+                tasks.create_task(self._note_commands(self._commands), name="collect commands")
 
     # ---- health
 
@@ -175,7 +189,9 @@ class Collector:
 
     def take_sample(self) -> None:
         """Look at the fleet once."""
-        self.latest = Sample(self.elapsed, self._places(self._bus.clock.now()), self.circle)
+        bodies = self._bodies(self._bus.clock.now())
+        places = {name: (body.x, body.y) for name, body in bodies.items()}
+        self.latest = Sample(self.elapsed, places, self.circle, bodies)
         if self._began is not None:
             self._samples.append(self.latest)
             self._note_circling(self.latest)
@@ -186,13 +202,30 @@ class Collector:
         heard = self._circle.get()
         return heard.message.circle if heard is not None else self._scenario.circle.circle
 
-    def _places(self, now: float) -> dict[str, tuple[float, float]]:
+    def _bodies(self, now: float) -> dict[str, Body]:
         heard = self._truth.values()
         return {
-            name: (truth.message.x, truth.message.y)
+            name: Body(truth.message.x, truth.message.y, truth.message.theta, truth.message.v, truth.message.omega)
             for name in self._robots
             if (truth := heard.get(name)) is not None and truth.age(now) < TRUTH_FRESH
         }
+
+    # ---- paths and commands
+
+    async def _note_paths(self) -> None:
+        async for received in self._paths:
+            m = received.message
+            if received.name in self._planned:
+                path = Path(Pose2(m.x, m.y, m.theta), tuple(Segment(*segment) for segment in m.segments))
+                self._planned[received.name].append(Planned(self.elapsed, path))
+
+    async def _note_commands(self, commands: Every[VelocityCommand]) -> None:
+        async for received in commands:
+            robot = self._scenario.robot.get(received.name)
+            if robot is not None:
+                m = received.message
+                ratio = max(abs(m.v) / robot.v_max, abs(m.omega) / robot.omega_max)
+                self._command_ratio = max(self._command_ratio or 0.0, ratio)
 
     def _note_circling(self, sample: Sample) -> None:
         for name, place in sample.places.items():
@@ -222,7 +255,7 @@ class Collector:
             restarts: of processes.
             processes: their use of the machine.
         """
-        behaviour = self._scenario.behaviour.name
+        asked = self._asked
         contacts = self._contacts
         return Observed(
             scenario=self._scenario.name,
@@ -230,8 +263,8 @@ class Collector:
             duration=duration,
             seed=seed,
             ended=ended,
-            follows_circle=behaviour in ("circle", "pursuit"),
-            spreads=behaviour == "pursuit",
+            follows_circle=asked.follows_circle,
+            spreads=asked.spreads,
             samples=self._samples,
             pose_age=self._pose_age,
             pose_to_command=self._pose_to_command,
@@ -242,4 +275,10 @@ class Collector:
             calibration_error_10s=self._error_after,
             restarts=restarts,
             processes=processes,
+            goals=asked.goals,
+            paths=self._planned if asked.v_min is not None else {},
+            v_min=asked.v_min,
+            command_ratio=self._command_ratio,
+            deployment=asked.deployment,
+            importance=asked.importance,
         )

@@ -179,11 +179,32 @@ def summary(sheet: dict[str, Any]) -> str:
     rates = [rate for rate in sheet["fix_rate_hz"].values() if rate is not None]
     errors = [c["error"] for c in sheet["calibration"].values() if c["error"] is not None]
     cpu = [p["cpu_percent"] for p in sheet["processes"].values() if p["cpu_percent"] is not None]
+    told: list[str] = []
+    if sheet["radius_error_m"]["p50"] is not None:
+        told += [
+            f"  settled at          {value(sheet['settle_time_s'], ' s')}",
+            f"  from the circle     {spread('radius_error_m', ' m')}",
+        ]
+    if sheet["spacing_error_rad"]["p50"] is not None:
+        told.append(f"  spacing error       {spread('spacing_error_rad', ' rad')}")
+    if sheet["density_error"] is not None:
+        told.append(f"  density error       {sheet['density_error']:g}")
+    if sheet["goals_asked"]:
+        told.append(
+            f"  goals               {sheet['goals_reached']} of {sheet['goals_asked']} reached, at most "
+            f"{value(sheet['goal_distance_m'], ' m')} and {value(sheet['goal_heading_rad'], ' rad')} off"
+        )
+    if sheet["tracking_error_m"]["p50"] is not None:
+        told.append(f"  from the path       {spread('tracking_error_m', ' m')}")
+    if sheet["coverage"]["cost"] is not None:
+        cover = sheet["coverage"]
+        told.append(
+            f"  from the centroid   {value(cover['distance_m'], ' m')} at most, after {cover['rounds']} rounds; "
+            f"the cost could fall by {value(cover['gain'])}, and rose by {value(cover['rise'])} at most"
+        )
     lines = [
         f"{sheet['scenario']}: {sheet['robots']} robots, {sheet['duration_s']:g} s, seed {value(sheet['seed'])}",
-        f"  settled at          {value(sheet['settle_time_s'], ' s')}",
-        f"  from the circle     {spread('radius_error_m', ' m')}",
-        f"  spacing error       {spread('spacing_error_rad', ' rad')}",
+        *told,
         f"  least separation    {value(sheet['min_separation_m'], ' m')}, {value(sheet['collisions'])} collisions",
         f"  pose age            {spread('pose_age_ms', ' ms')}",
         f"  pose to command     {spread('pose_to_command_ms', ' ms')}",

@@ -6,9 +6,13 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from muro_zenoh.cli.score_floor import Deployed, Deployment, density_error, score_deployment
+from muro_zenoh.cli.score_goals import Body, Moment, Planned, goals_table, score_goals, score_tracking
 from muro_zenoh.config import Checks
+from muro_zenoh.control.importance import Importance
 from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
 
 SAMPLE_PERIOD: Final = 0.1
@@ -34,11 +38,13 @@ class Sample(NamedTuple):
         t: scenario time [s].
         places: x, y [m, world] of each robot whose truth is known then.
         circle: the circle to follow then.
+        bodies: each robot whose truth is known then, with heading and speeds.
     """
 
     t: float
     places: Mapping[str, tuple[float, float]]
     circle: Circle
+    bodies: Mapping[str, Body] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +69,12 @@ class Observed:
         calibration_error_10s: worst relative error of the two after 10 s of circling, by robot.
         restarts: of processes.
         processes: ``cpu_percent`` and ``rss_mb`` by process.
+        goals: rows ``(x, y)`` or ``(x, y, theta)`` [m, world; rad] that the scenario asks of each robot.
+        paths: the paths that each robot planned.
+        v_min: the speed of the robots on arcs [m/s]; None for robots that plan no path.
+        command_ratio: the largest speed commanded of any robot over its limit; None when it was not looked at.
+        deployment: what robots that cover the floor were asked for.
+        importance: how a ring's time round the circle should be shared out.
     """
 
     scenario: str
@@ -82,6 +94,12 @@ class Observed:
     calibration_error_10s: Mapping[str, float | None] = field(default_factory=dict)
     restarts: int = 0
     processes: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    goals: Mapping[str, Sequence[Sequence[float]]] = field(default_factory=dict)
+    paths: Mapping[str, Sequence[Planned]] = field(default_factory=dict)
+    v_min: float | None = None
+    command_ratio: float | None = None
+    deployment: Deployment | None = None
+    importance: Importance | None = None
 
 
 class Calibrated(NamedTuple):
@@ -200,6 +218,14 @@ def score_sheet(seen: Observed, checks: Checks) -> dict[str, Any]:
         "radius_error_m": _spread([e for errors in by_robot.values() for e in errors], (50, 95), 5),
         "radius_error_by_robot_m": {name: _spread(errors, (50, 95), 5) for name, errors in by_robot.items()},
         "spacing_error_rad": _spread(spacing, (50, 95), 5),
+        **_goal_keys(seen),
+        "command_ratio": _round(seen.command_ratio, 4),
+        "coverage": _coverage(seen),
+        "density_error": _round(
+            density_error([p for s in window for p in s.places.values()], window[-1].circle, seen.importance), 4
+        )
+        if seen.importance is not None and window
+        else None,
         "truth_known": _round(known / (len(seen.samples) * len(seen.robots)), 4) if seen.samples else 0.0,
         "min_separation_m": _round(seen.min_separation, 4),
         "collisions": seen.collisions,
@@ -213,6 +239,36 @@ def score_sheet(seen: Observed, checks: Checks) -> dict[str, Any]:
     sheet["checks"] = _check(sheet, checks)
     sheet["passed"] = seen.ended == "duration" and all(check["passed"] for check in sheet["checks"].values())
     return sheet
+
+
+def _goal_keys(seen: Observed) -> dict[str, Any]:
+    """What concerns goals and the paths to them."""
+    tracks = {n: [Moment(s.t, s.bodies[n]) for s in seen.samples if n in s.bodies] for n in seen.robots}
+    goals = {name: score_goals(rows, tracks[name]) for name, rows in seen.goals.items()}
+    tracked = {name: score_tracking(paths, tracks[name]) for name, paths in seen.paths.items() if paths}
+    peaks = [t.peak for t in tracked.values()]
+    ratio = None
+    if seen.v_min is not None and len(tracked) == len(seen.robots) and None not in peaks:
+        ratio = min(peak for peak in peaks if peak is not None) / seen.v_min
+    return {
+        **goals_table(goals),
+        "goals": goals,
+        "tracking_error_m": _spread([e for t in tracked.values() for e in t.errors], (50, 95), 5),
+        "peak_speed_ratio": _round(ratio, 3),
+    }
+
+
+def _coverage(seen: Observed) -> dict[str, float | None]:
+    found = Deployed(None, None, None, None, 0)
+    if seen.deployment is not None:
+        found = score_deployment(seen.deployment, [(s.t, s.bodies) for s in seen.samples], len(seen.robots))
+    return {
+        "distance_m": _round(found.distance, 4),
+        "cost": _round(found.cost, 5),
+        "gain": _round(found.gain, 5),
+        "rise": _round(found.rise, 5),
+        "rounds": found.rounds,
+    }
 
 
 def _is_well(seen: Observed, sample: Sample) -> bool:
@@ -236,19 +292,33 @@ def _check(sheet: Mapping[str, Any], checks: Checks) -> dict[str, dict[str, Any]
         "spacing_error_p95": (sheet["spacing_error_rad"]["p95"], checks.spacing_error_p95),
         "pose_age_p99": (None if ages is None else ages / 1e3, checks.pose_age_p99),
         "collisions": (sheet["collisions"], checks.collisions),
+        "goals_missed": (
+            sheet["goals_asked"] - sheet["goals_reached"] if sheet["goals_asked"] else None,
+            checks.goals_missed,
+        ),
+        "goal_distance": (sheet["goal_distance_m"], checks.goal_distance),
+        "goal_heading": (sheet["goal_heading_rad"], checks.goal_heading),
+        "tracking_error_p95": (sheet["tracking_error_m"]["p95"], checks.tracking_error_p95),
+        "command_ratio": (sheet["command_ratio"], checks.command_ratio),
+        "coverage_distance": (sheet["coverage"]["distance_m"], checks.coverage_distance),
+        "coverage_gain": (sheet["coverage"]["gain"], checks.coverage_gain),
+        "coverage_rise": (sheet["coverage"]["rise"], checks.coverage_rise),
+        "density_error": (sheet["density_error"], checks.density_error),
     }
     out = {
         name: {"value": value, "limit": limit, "passed": value is not None and value <= limit}
         for name, (value, limit) in at_most.items()
         if limit is not None
     }
-    if checks.fix_rate is not None:
-        least = _worst(min, sheet["fix_rate_hz"].values())
-        out["fix_rate"] = {
-            "value": least,
-            "limit": checks.fix_rate,
-            "passed": least is not None and least >= checks.fix_rate,
-        }
+    at_least = {
+        "fix_rate": (_worst(min, sheet["fix_rate_hz"].values()), checks.fix_rate),
+        "peak_speed_ratio": (sheet["peak_speed_ratio"], checks.peak_speed_ratio),
+    }
+    out |= {
+        name: {"value": value, "limit": limit, "passed": value is not None and value >= limit}
+        for name, (value, limit) in at_least.items()
+        if limit is not None
+    }
     return out
 
 

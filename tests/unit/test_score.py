@@ -25,8 +25,14 @@ from muro_zenoh.cli.score import (
     settle_time,
     spacing_error,
 )
+from muro_zenoh.cli.score_floor import Deployment
+from muro_zenoh.cli.score_goals import Body, Planned
 from muro_zenoh.config import Checks
-from muro_zenoh.geometry import Circle
+from muro_zenoh.control.importance import Importance
+from muro_zenoh.geometry import Circle, Pose2
+from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.path import Path as PlannedPath
+from muro_zenoh.planning.path import Segment
 
 CIRCLE = Circle(1.0, -0.5, 0.8)
 ALL_CHECKS = Checks(
@@ -36,6 +42,16 @@ ALL_CHECKS = Checks(
     fix_rate=19.0,
     pose_age_p99=0.15,
     collisions=0,
+    goals_missed=0,
+    goal_distance=0.05,
+    goal_heading=0.17,
+    tracking_error_p95=0.03,
+    peak_speed_ratio=2.0,
+    command_ratio=1.0,
+    coverage_distance=0.03,
+    coverage_gain=0.02,
+    coverage_rise=0.02,
+    density_error=0.15,
 )
 
 
@@ -126,12 +142,19 @@ def test_a_percentile_of_nothing_is_not_known() -> None:
 # ---- the sheet
 
 
+# Three robots drive to the centroids of their thirds of a floor of 3 x 1 m, and stand there.
+FLOOR = Deployment(Bounds(0.0, 3.0, 0.0, 1.0), None, 0.5)
+DRIVING = {f"r{k + 1}": Body(k + 0.3, 0.5, 0.0, 0.2, 0.0) for k in range(3)}
+STANDING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
+PATHS = {f"r{k + 1}": (Planned(0.0, PlannedPath(Pose2(k, 0.49, 0.0), (Segment(5.0, 0.0),))),) for k in range(3)}
+
+
 def observed(**changes: Any) -> Observed:
     """60 s of three robots: 20 s off the circle and bunched, then 0.01 m off and evenly spread but for 0.02 rad."""
     third = 2 * math.pi / 3
-    samples = [Sample(k / 10, ring(0.0, 0.5, 1.0, radius=1.0), CIRCLE) for k in range(200)]
+    samples = [Sample(k / 10, ring(0.0, 0.5, 1.0, radius=1.0), CIRCLE, DRIVING) for k in range(200)]
     samples += [
-        Sample(k / 10, ring(k / 40, k / 40 + third + 0.02, k / 40 + 2 * third, radius=0.81), CIRCLE)
+        Sample(k / 10, ring(k / 40, k / 40 + third + 0.02, k / 40 + 2 * third, radius=0.81), CIRCLE, STANDING)
         for k in range(200, 601)
     ]
     seen: dict[str, Any] = {
@@ -149,6 +172,12 @@ def observed(**changes: Any) -> Observed:
         "calibration_error_10s": {"r1": 0.04},
         "restarts": 0,
         "processes": {"r1": {"cpu_percent": 3.1, "rss_mb": 40.0}},
+        "goals": {f"r{k + 1}": ((k + 0.48, 0.51, 0.0),) for k in range(3)},
+        "paths": PATHS,
+        "v_min": 0.08,
+        "command_ratio": 0.7,
+        "deployment": FLOOR,
+        "importance": Importance.from_function(lambda angle: 1.0),
     }
     return Observed(**{**seen, **changes})
 
@@ -168,6 +197,18 @@ def test_a_good_run_s_sheet() -> None:
         {"cal0": 1.05, "calD": 0.9, "true_cal0": 1.0204, "true_calD": 0.9091, "error": 0.029, "error_after_10s": 0.04}
     )
     assert sheet["calibration"]["r2"]["error"] is None
+    assert (sheet["goals_asked"], sheet["goals_reached"]) == (3, 3)
+    assert (sheet["goal_distance_m"], sheet["goal_heading_rad"]) == (0.02, 0.1)
+    assert sheet["goals"]["r2"] == [
+        {"x": 1.48, "y": 0.51, "theta": 0.0, "reached_s": 20.0, "distance_m": 0.02, "heading_rad": 0.1}
+    ]
+    assert sheet["tracking_error_m"] == pytest.approx({"p50": 0.01, "p95": 0.01, "max": 0.01})
+    assert sheet["peak_speed_ratio"] == 2.5
+    # The cost of a third: 2 / 12 about its centroid, and 0.01^2 more from 0.01 beside it.
+    assert sheet["coverage"]["cost"] == pytest.approx(3 * (2 / 12 + 1e-4), abs=1e-5)
+    assert sheet["coverage"]["gain"] == pytest.approx(1e-4 / (2 / 12 + 1e-4), abs=1e-5)
+    assert (sheet["coverage"]["distance_m"], sheet["coverage"]["rise"], sheet["coverage"]["rounds"]) == (0.01, 0.0, 1)
+    assert sheet["density_error"] < 0.15
     assert all(check["passed"] for check in sheet["checks"].values())
     assert set(sheet["checks"]) == {f.removesuffix("_s") for f in Checks.__struct_fields__} - {"window"}
     assert sheet["passed"] is True
@@ -198,6 +239,19 @@ def test_the_window_is_the_last_seconds() -> None:
         ("collisions", {"collisions": 1}),
         ("collisions", {"collisions": None}),
         ("radius_error_p95", {"samples": []}),
+        ("goals_missed", {"goals": {"r1": ((2.0, 0.5),)}}),
+        ("goals_missed", {"goals": {}}),
+        ("goal_distance", {"goals": {"r1": ((0.44, 0.51),)}}),
+        ("goal_heading", {"goals": {"r1": ((0.5, 0.51, -0.1),)}}),
+        ("tracking_error_p95", {"paths": {"r1": [Planned(0.0, PlannedPath(Pose2(0, 0.46, 0), (Segment(5, 0),)))]}}),
+        ("peak_speed_ratio", {"v_min": 0.11}),
+        ("peak_speed_ratio", {"paths": {**PATHS, "r3": ()}}),
+        ("command_ratio", {"command_ratio": 1.01}),
+        ("command_ratio", {"command_ratio": None}),
+        ("coverage_distance", {"deployment": Deployment(Bounds(0.0, 3.0, 0.0, 1.1), None, 0.5)}),
+        ("coverage_gain", {"deployment": Deployment(Bounds(0.0, 3.6, 0.0, 1.0), None, 0.5)}),
+        ("coverage_distance", {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
+        ("density_error", {"importance": Importance.from_function(lambda angle: 1.2 + math.sin(angle))}),
     ],
 )
 def test_a_check_that_is_not_met_fails_the_run(check: str, changes: dict[str, Any]) -> None:
@@ -278,6 +332,7 @@ def keys_of(table: dict[str, Any], path: str = "") -> Iterator[str]:
     names = {
         "radius_error_by_robot_m": "<robot>",
         "fix_rate_hz": "<robot>",
+        "goals": "<robot>",
         "calibration": "<robot>",
         "processes": "<process>",
         "checks": "<check>",
