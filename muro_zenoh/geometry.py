@@ -34,7 +34,7 @@ class Pose2(NamedTuple):
         return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_to_pi(-self.theta))
 
     def distance_to(self, other: Pose2) -> float:
-        """Distance between the two places [m]."""
+        """Distance between this place and that of ``other`` [m]."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
 
@@ -51,6 +51,9 @@ STILL = Twist2(0.0, 0.0)
 def wrap_to_pi(angle: float) -> float:
     """The same angle in (-pi, pi] [rad].
 
+    Args:
+        angle: any [rad].
+
     Not the second formula of seed 001, ``((pi + a) % 2*pi) - pi``, which binds as ``((pi + a) % 2) * pi - pi``.
     """
     wrapped = math.remainder(angle, TWO_PI)
@@ -58,7 +61,7 @@ def wrap_to_pi(angle: float) -> float:
 
 
 def ccw_gap(start: float, end: float) -> float:
-    """The counter-clockwise way from one angle to another, in [0, 2 pi) [rad]."""
+    """The counter-clockwise way from angle ``start`` to angle ``end``, in [0, 2 pi) [rad]."""
     gap = math.fmod(end - start, TWO_PI)
     if gap < 0.0:
         gap += TWO_PI
@@ -77,7 +80,7 @@ def advance(pose: Pose2, v: float, omega: float, dt: float) -> Pose2:
 
 
 class Circle(NamedTuple):
-    """A circle to follow: centre ``x``, ``y`` [m, world], ``radius`` [m], and the direction of travel."""
+    """A circle to follow: centre ``x``, ``y`` [m, world], ``radius`` [m]; ``clockwise`` is the direction of travel."""
 
     x: float
     y: float

@@ -1,0 +1,144 @@
+"""Poses and angles."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from muro_zenoh.geometry import (
+    STILL,
+    TWO_PI,
+    Circle,
+    Pose2,
+    TagMount,
+    Twist2,
+    advance,
+    ccw_gap,
+    straight_down_view,
+    wrap_to_pi,
+)
+
+angles = st.floats(-1e3, 1e3)
+places = st.floats(-10.0, 10.0)
+poses = st.builds(Pose2, places, places, st.floats(-math.pi, math.pi))
+NEAR = 1e-9
+
+
+def apart(a: float, b: float) -> float:
+    """The angle between two angles."""
+    return abs(math.remainder(a - b, TWO_PI))
+
+
+def assert_same(a: Pose2, b: Pose2, tolerance: float = 1e-8) -> None:
+    assert (a.x, a.y) == pytest.approx((b.x, b.y), abs=tolerance)
+    assert apart(a.theta, b.theta) < tolerance
+
+
+@given(angles)
+def test_a_wrapped_angle_is_the_same_angle_in_the_half_open_circle(angle: float) -> None:
+    wrapped = wrap_to_pi(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [-3, -1, 0, 1, 3])
+def test_half_a_turn_is_plus_pi(turns: int) -> None:
+    assert wrap_to_pi(math.pi) == math.pi
+    assert wrap_to_pi(-math.pi) == math.pi
+    assert wrap_to_pi(0.5 + turns * TWO_PI) == pytest.approx(0.5)
+
+
+@given(angles, angles)
+def test_a_gap_leads_from_one_angle_to_the_other(start: float, end: float) -> None:
+    gap = ccw_gap(start, end)
+    assert 0.0 <= gap < TWO_PI
+    assert apart(start + gap, end) < NEAR
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
+def test_the_gaps_there_and_back_make_a_turn(a: float, b: float) -> None:
+    total = ccw_gap(a, b) + ccw_gap(b, a)
+    assert total == pytest.approx(TWO_PI) or total == pytest.approx(0.0, abs=NEAR)
+
+
+def test_a_gap_is_never_a_whole_turn() -> None:
+    assert ccw_gap(0.0, -1e-18) == 0.0
+    assert ccw_gap(1.0, 1.0) == 0.0
+
+
+@given(poses)
+def test_a_pose_and_its_inverse_cancel(pose: Pose2) -> None:
+    still = Pose2(0.0, 0.0, 0.0)
+    assert_same(pose.compose(pose.inverse()), still)
+    assert_same(pose.inverse().compose(pose), still)
+
+
+@given(poses, poses, poses)
+def test_composition_is_associative(a: Pose2, b: Pose2, c: Pose2) -> None:
+    assert_same(a.compose(b).compose(c), a.compose(b.compose(c)))
+
+
+@given(poses, poses)
+def test_composition_keeps_distances(frame: Pose2, pose: Pose2) -> None:
+    there = frame.compose(pose)
+    assert frame.distance_to(there) == pytest.approx(math.hypot(pose.x, pose.y), abs=NEAR)
+    assert -math.pi < there.theta <= math.pi
+
+
+def test_forwards_is_along_the_heading() -> None:
+    assert_same(Pose2(1.0, 2.0, math.pi / 2).compose(Pose2(1.0, 0.5, 0.1)), Pose2(0.5, 3.0, math.pi / 2 + 0.1))
+
+
+@given(poses, st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.0, 3.0), st.floats(0.0, 3.0))
+def test_two_steps_are_one(pose: Pose2, v: float, omega: float, first: float, second: float) -> None:
+    assert_same(advance(advance(pose, v, omega, first), v, omega, second), advance(pose, v, omega, first + second))
+
+
+@given(poses, st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.0, 3.0))
+def test_a_step_back_undoes_a_step(pose: Pose2, v: float, omega: float, dt: float) -> None:
+    assert_same(advance(advance(pose, v, omega, dt), -v, -omega, dt), pose)
+
+
+def test_a_whole_turn_ends_where_it_began() -> None:
+    start = Pose2(0.3, -0.2, 1.0)
+    assert_same(advance(start, 0.2, 0.5, TWO_PI / 0.5), start)
+
+
+@given(poses, st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
+def test_hardly_a_turn_is_a_straight_line(pose: Pose2, v: float, dt: float) -> None:
+    # on both sides of where the series takes over
+    for omega in (0.0, 1e-9, 0.6e-6, 0.7e-6, 3e-6):
+        assert_same(advance(pose, v, omega, dt), advance(pose, v, 0.0, dt), tolerance=3e-5)
+
+
+def test_the_circles_direction() -> None:
+    assert Circle(0.0, 0.0, 1.0).sigma == 1.0
+    assert Circle(0.0, 0.0, 1.0, clockwise=True).sigma == -1.0
+
+
+def test_still_is_still() -> None:
+    assert Twist2(0.0, 0.0) == STILL
+
+
+def test_a_tags_frame_in_the_base_frame() -> None:
+    mount = TagMount(3, 0.16, x=-0.03, y=0.02, yaw=3 * math.pi / 2)
+    assert_same(mount.pose, Pose2(-0.03, 0.02, -math.pi / 2))
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (720, 1280), (100, 100)])
+def test_a_view_straight_down_sees_the_whole_floor_with_square_pixels(width: int, height: int) -> None:
+    views = straight_down_view(-2.1, -1.5, 2.1, 1.5, width, height, margin=0.1)
+    assert [(view.x, view.y) for view in views] == [(-2.1, -1.5), (2.1, -1.5), (2.1, 1.5), (-2.1, 1.5)]
+    across = (views[1].u - views[0].u) / 4.2
+    up = (views[1].v - views[2].v) / 3.0
+    assert across == pytest.approx(up)
+    assert up > 0.0, "world y is up, the picture's v is down"
+    for view in views:
+        assert -0.5 + 0.1 * across - 1e-9 <= view.u <= width - 0.5 - 0.1 * across + 1e-9
+        assert -0.5 + 0.1 * across - 1e-9 <= view.v <= height - 0.5 - 0.1 * across + 1e-9
+    assert sum(view.u for view in views) / 4 == pytest.approx((width - 1) / 2)
+    assert sum(view.v for view in views) / 4 == pytest.approx((height - 1) / 2)
