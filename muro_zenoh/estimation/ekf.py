@@ -39,7 +39,7 @@ class FilterSettings:
         drift_theta: standard deviation of the heading, whatever the wheels do [rad/sqrt(s)].
         v_rest: below this wheel speed s_v is frozen [m/s].
         omega_rest: below this wheel speed s_omega is frozen [rad/s].
-        history: how long inputs and anchors are kept for late and out-of-order fixes [s].
+        history: how late a fix may come, behind the newest one, and still be used [s].
         odometry_timeout: odometry older than this is carried on by commands through the wheel model [s].
         command_timeout: a command older than this counts as zero: the base's dead-man [s].
         command_delay: from sending a command to the wheels obeying it [s].
@@ -131,9 +131,10 @@ class Fix(NamedTuple):
 class Stretch(NamedTuple):
     """A stretch driven from a mean: the pose at its end, and what the covariance needs to know of the way.
 
-    ``x``, ``y`` [m, world], ``theta`` [rad, not wrapped]. ``turn``: angle the nominal wheels turned [rad], signed. ``x_by_w``, ``y_by_w``: derivatives of the end's place by
-    s_omega [m]. ``path``, ``spin``: distance and angle of the nominal wheels, unsigned [m], [rad]. ``time``: its length
-    [s]. ``time_v``, ``time_w``: how much of it the scales could be seen [s].
+    ``x``, ``y`` [m, world], ``theta`` [rad, not wrapped]. ``turn``: angle the nominal wheels turned [rad], signed.
+    ``x_by_w``, ``y_by_w``: derivatives of the end's place by s_omega [m]. ``path``, ``spin``: distance and angle of the
+    nominal wheels, unsigned [m], [rad]. ``time``: its length [s]. ``time_v``, ``time_w``: how much of it the scales
+    could be seen [s].
     """
 
     x: Any

@@ -1,9 +1,9 @@
 """Where one robot is, from late camera fixes and its wheels: the filter that an agent runs.
 
 Fixes arrive 60 to 150 ms after their capture, and from two cameras not in order. Each is applied at its capture time:
-the anchors (mean and covariance just after a fix) and the wheels' speeds of the last second are kept, a fix goes in
-after the last anchor before it, and the fixes that were captured later are taken once more. The estimate for any time,
-the near future too, is the newest anchor rolled forward along the wheels.
+the anchors of the last second (mean and covariance just after a fix) are kept, and the wheels' speeds since the oldest
+of them. A fix goes in after the last anchor before it, and the fixes that were captured later are taken once more. The
+estimate for any time, the near future too, is the newest anchor rolled forward along the wheels.
 
 The filter is a small class rather than a value that goes in and out: it is a local of the one coroutine that runs it,
 reads no clock and holds no resource, and a copy of the last second's inputs at 50 Hz would cost more than the filter.
@@ -66,7 +66,8 @@ class _Anchor(NamedTuple):
     t: float
     mean: Mean
     cov: Covariance
-    fix: Fix | None  # None where the filter (re)started: nothing goes in before it
+    fix: Fix | None  # None where the filter (re)started or coasted: nothing goes in before it
+    t_fix: float
 
 
 class PoseFilter:
@@ -122,7 +123,7 @@ class PoseFilter:
             return FixResult(False, "bad covariance", math.nan, False)
         anchors = self._anchors
         if not anchors:
-            anchors.append(_Anchor(t_capture, *ekf.start(fix, self._settings), None))
+            anchors.append(_Anchor(t_capture, *ekf.start(fix, self._settings), None, t_capture))
             return FixResult(True, "started", math.nan, False)
         if t_capture > max(self._track.newest, anchors[-1].t) + self._settings.history:
             # Taken in, one wrong stamp would make every true fix after it too old. A row of them is no wrong stamp.
@@ -146,6 +147,7 @@ class PoseFilter:
         horizon = anchors[-1].t - self._settings.history
         while len(anchors) > 1 and anchors[0].t < horizon:
             del anchors[0]
+        self._track.forget(anchors[0].t)
         return FixResult(True, "used", nis, False)
 
     def at(self, t: float) -> PoseEstimate | None:
@@ -154,6 +156,7 @@ class PoseFilter:
         Args:
             t: for when [s].
         """
+        self._coast(t)
         for anchor in reversed(self._anchors):
             if anchor.t <= t:
                 break
@@ -172,8 +175,20 @@ class PoseFilter:
             mean.s_omega,
             math.sqrt(P.vv),
             math.sqrt(P.ww),
-            anchor.t,
+            anchor.t_fix,
         )
+
+    def _coast(self, t: float) -> None:
+        """Without fixes for two seconds, move the anchor on: nothing is rolled forward twice for ever."""
+        if not self._anchors:
+            return
+        last, history = self._anchors[-1], self._settings.history
+        known = min(t, self._track.newest)
+        if known - last.t > 2.0 * history:
+            stretch, _ = self._roll(last.mean, last.t, known - history)
+            coasted = ekf.predict(last.mean, last.cov, stretch, self._settings)
+            self._anchors = [_Anchor(known - history, *coasted, None, last.t_fix)]
+            self._track.forget(known - history)
 
     def _roll(self, mean: Mean, start: float, end: float) -> tuple[Stretch, tuple[float, float]]:
         """The stretch that the wheels drove from ``start`` to ``end``, and their speeds there."""
@@ -189,7 +204,7 @@ class PoseFilter:
         stretch, _ = self._roll(before.mean, before.t, t)
         mean, cov = ekf.predict(before.mean, before.cov, stretch, settings)
         mean, cov, nis = ekf.correct(mean, cov, fix, stretch.moved_v, stretch.moved_w, settings)
-        return (_Anchor(t, mean, cov, fix) if nis <= settings.gate else None), nis
+        return (_Anchor(t, mean, cov, fix, t) if nis <= settings.gate else None), nis
 
     def _gate(self, t: float, fix: Fix, nis: float, reason: str) -> FixResult:
         """A fix that does not belong to the track. Enough of them in a row that agree: the robot was carried off."""
@@ -202,7 +217,7 @@ class PoseFilter:
         t, fix = max(self._gated, key=lambda gated: gated[0])
         self._gated.clear()
         s_v, s_omega = newest.s_v, newest.s_omega
-        self._anchors = [_Anchor(t, *ekf.start(fix, self._settings, s_v, s_omega), None)]
+        self._anchors = [_Anchor(t, *ekf.start(fix, self._settings, s_v, s_omega), None, t)]
         return FixResult(True, "restarted", nis, True)
 
     def _agree(self, before: tuple[float, Fix], t: float, fix: Fix, scales: Mean) -> bool:

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from muro_zenoh import elementwise
 from muro_zenoh.elementwise import Scalar
 
@@ -87,6 +85,8 @@ def follow(speed: Scalar, target: Scalar, grow: Any, fall: Any, lag: Any, dt: fl
         if reversing:
             reached = _reverse(xp, speed, target, grow, fall, lag, dt)
     elif reversing.any():  # few are at any one time
+        import numpy as np  # only where arrays are
+
         few: list[Any] = [value[reversing] for value in np.broadcast_arrays(speed, target, grow, fall, lag)]
         reached[reversing] = _reverse(xp, few[0], few[1], few[2], few[3], few[4], dt)
     result: Scalar = reached

@@ -23,17 +23,19 @@ LONGEST_ARC = 0.05 + 1e-9
 """Knots are gathered into arcs of at most this length [s]."""
 
 _INSTANT = 1e-9
+_DEAD_MAN = 0.5
+"""Of a silence longer than this the wheels stood still in the rest: the base's dead-man has stopped them [s]."""
 _MOST_KNOTS = 512
 _MOST_COMMANDS = 64
 
 
 class WheelTrack:
-    """Speeds of the nominal wheels over the last second or so, and onwards under the commands sent.
+    """Speeds of the nominal wheels since the oldest time still needed, and onwards under the commands sent.
 
     A local of one coroutine; it reads no clock. Times are of one local clock [s].
 
     Args:
-        settings: how long to remember, and when odometry and commands are too old.
+        settings: when odometry and commands are too old.
         limits: the robot's wheels, for the times that odometry does not cover.
     """
 
@@ -91,6 +93,16 @@ class WheelTrack:
         if len(self._commands) > _MOST_COMMANDS or self._commands[0][0] < oldest:
             self._commands = [sent for sent in self._commands[-_MOST_COMMANDS:] if sent[0] >= oldest]
 
+    def forget(self, t: float) -> None:
+        """Drop what is not needed for times from ``t`` on.
+
+        Args:
+            t: the earliest time that will be asked for [s, local clock].
+        """
+        needless = bisect_right(self._knots, (t, math.inf, math.inf)) - 1
+        if needless > 0:
+            del self._knots[: min(needless, len(self._knots) - 1 - self._modelled)]
+
     def walk(self, start: float, end: float) -> tuple[list[Piece], tuple[float, float]]:
         """The arcs from ``start`` to ``end``, and the speeds there; zero when nothing was ever heard.
 
@@ -122,11 +134,12 @@ class WheelTrack:
                     part = (end - t) / (t1 - t)
                     t1, v1, omega1 = end, v + part * (v1 - v), omega + part * (omega1 - omega)
                 dt = t1 - t
+                driven = 0.5 * min(dt, _DEAD_MAN)
                 if span + dt > LONGEST_ARC and span > 0.0:
                     arcs.append((way / span, angle / span, span))
                     way = angle = span = 0.0
-                way += 0.5 * dt * (v + v1)
-                angle += 0.5 * dt * (omega + omega1)
+                way += driven * (v + v1)
+                angle += driven * (omega + omega1)
                 span += dt
                 t = t1
             v, omega = v1, omega1
@@ -168,7 +181,5 @@ class WheelTrack:
 
     def _file(self, knot: Timed) -> None:
         self._knots.append(knot)
-        horizon = knot[0] - self._settings.history - self._settings.odometry_timeout
-        if len(self._knots) > _MOST_KNOTS or self._knots[0][0] < horizon - 1.0:
-            kept = bisect_right(self._knots, (horizon, math.inf, math.inf)) - 1
-            del self._knots[: max(0, kept, len(self._knots) - _MOST_KNOTS)]
+        if len(self._knots) > _MOST_KNOTS:  # nothing was forgotten for long: keep the old half more coarsely
+            del self._knots[1 : _MOST_KNOTS // 2 : 2]

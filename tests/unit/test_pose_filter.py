@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from muro_zenoh.estimation.pose_filter import FilterSettings, FixResult, PoseFilter
 from muro_zenoh.estimation.wheel_model import WheelLimits
@@ -40,6 +42,7 @@ class Room:
         self.plant = Plant(np.array([[1.0, 1.0, 0.5]]), self.rng, drive_error=drive_error)
         self.filter = PoseFilter(settings or FilterSettings())
         self.odometry, self.delay = odometry, delay
+        self.unseen = False
         self.outlier: Callable[[int], bool] = lambda k: False
         self.underway: list[tuple[float, float, np.ndarray]] = []
         self.results: list[tuple[float, FixResult]] = []
@@ -55,7 +58,8 @@ class Room:
             v, omega = command(t)
             if self.tick % 5 == 0:
                 self.filter.command(t, v, omega)
-                self.capture(self.tick // 5)
+                if not self.unseen:
+                    self.capture(self.tick // 5)
             if self.odometry and self.tick % 2 == 0:
                 self.filter.twist(t, *self.plant.odometry_twist[0])
             for arrival, captured, z in sorted(self.underway, key=lambda row: row[0]):
@@ -260,6 +264,29 @@ def test_commands_that_cease_mean_the_dead_man() -> None:
     assert late.v == pytest.approx(0.0, abs=1e-3)
 
 
+def test_a_robot_unseen_for_long_is_dead_reckoned() -> None:
+    room = Room(16)
+    room.run(6.0, circling)
+    room.unseen = True
+    for _ in range(400):  # an agent asks all the while
+        room.run(0.02, circling)
+        room.filter.at(room.now)
+    place, heading = room.errors()
+    estimate = room.filter.at(room.now)
+    assert estimate is not None
+    assert estimate.t_fix == pytest.approx(6.0, abs=0.1)
+    assert place < 0.15  # 1.6 m and more than a third of a circle, with drive errors of up to 20 %
+    assert heading < 0.15
+    sigma = math.sqrt(estimate.covariance9[0] + estimate.covariance9[4])
+    assert 0.01 < sigma < 0.2
+    assert place < 4.0 * sigma
+    assert len(room.filter._track._knots) < 130
+    room.unseen = False
+    room.run(1.0, circling)
+    assert not any(result.restarted for _, result in room.results)
+    assert room.errors()[0] < 0.008
+
+
 def test_memory_is_bounded() -> None:
     room = Room(12)
     room.run(20.0, circling)
@@ -271,6 +298,37 @@ def test_memory_is_bounded() -> None:
         room.filter.command(room.now, 0.2, 0.3)
     assert len(room.filter._track._knots) <= 512
     assert len(room.filter._track._commands) <= 65
+
+
+times = st.floats(0.0, 3.0)
+speeds = st.floats(-2.0, 2.0)
+calls = st.one_of(
+    st.tuples(st.just("twist"), times, speeds, speeds),
+    st.tuples(st.just("command"), times, speeds, speeds),
+    st.tuples(st.just("fix"), times, st.floats(-0.2, 0.2), st.floats(-7.0, 7.0)),
+    st.tuples(st.just("at"), times, st.just(0.0), st.just(0.0)),
+)
+
+
+@given(data=st.lists(calls, max_size=40))
+def test_bears_any_order_of_calls(data: list[tuple[str, float, float, float]]) -> None:
+    """Whatever comes, whenever: no exception, finite numbers, and a covariance that is one."""
+    robot = PoseFilter(FilterSettings(restart_fixes=2))
+    for what, t, a, b in data:
+        if what == "fix":
+            robot.fix(t, a, -a, b, R)
+        elif what == "at":
+            estimate = robot.at(t)
+            if estimate is not None:
+                flat = [*estimate[:5], *estimate.covariance9, *estimate[6:]]
+                assert np.isfinite(flat).all()
+                assert np.linalg.eigvalsh(np.reshape(estimate.covariance9, (3, 3))).min() > 0.0
+                assert -math.pi < estimate.theta <= math.pi
+                assert 0.5 <= estimate.s_v <= 1.5
+                assert 0.5 <= estimate.s_omega <= 1.5
+                assert estimate.t_fix <= t
+        else:
+            getattr(robot, what)(t, a, b)
 
 
 def test_settings_that_cannot_be_are_refused() -> None:
