@@ -155,6 +155,7 @@ class Inbox(ABC, Generic[T]):
 
     def hand(self, key: str, message: T) -> None:
         """Take a message that this very process sends; it was never bytes."""
+        self._sort()  # what others sent before it is older
         now = self._clock.now()
         self._counters.received += 1
         self._counters.arrival = now
@@ -302,6 +303,8 @@ class Latest(Inbox[T]):
 
     def forget(self, name: str) -> None:
         """Drop what is known of a name."""
+        self._sort()
+        self._unseen.discard(name)
         self._newest.pop(name, None)
         self._unread.pop(name, None)
 

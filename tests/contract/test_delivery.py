@@ -132,6 +132,21 @@ async def test_a_wildcard_hears_everybody_and_keeps_them_apart(network: Network)
         assert got.message.speed == value
 
 
+async def test_what_is_forgotten_is_gone_until_it_is_heard_again(network: Network) -> None:
+    writer, reader = await network.open(), await network.open()
+    box = reader.latest(channels.VELOCITY, "*")
+    out = writer.publisher(channels.VELOCITY, "r1")
+    await linked(lambda v: out.put(speed(v)), box)
+    received = reader.counters["velocity"].received
+    out.put(speed(1.0))
+    await until(lambda: reader.counters["velocity"].received == received + 1, "the message")
+    box.forget("r1")
+    assert box.get("r1") is None
+    assert box.values() == {}
+    out.put(speed(2.0))
+    assert (await within(2, box.next(), "the next")).message.speed == 2.0
+
+
 async def test_another_realm_is_another_world(network: Network) -> None:
     writer, reader = await network.open(), await network.open()
     box = reader.latest(channels.VELOCITY, "r1")

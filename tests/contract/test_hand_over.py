@@ -12,7 +12,7 @@ from muro_zenoh.messages import (
     PoseFix,
 )
 from tests.contract.conftest import Network
-from tests.contract.helpers import linked, speed
+from tests.contract.helpers import linked, plain, speed, until
 from tests.support.clock import ManualClock
 from tests.support.waiting import within
 
@@ -49,6 +49,18 @@ async def test_a_kept_value_is_handed_over_once_too(network: Network) -> None:
     got = [await within(2, box.next(), "a value") for _ in range(2)]
     assert [item.message.value for item in got] == [1.0, 2.0]
     assert box.drain() == []
+
+
+async def test_what_a_stranger_sent_before_is_older(network: Network) -> None:
+    bus = await network.open()
+    box = bus.latest(channels.VELOCITY, "r1")
+    out = bus.publisher(channels.VELOCITY, "r1")
+    await linked(lambda v: network.put(f"{network.realm}/velocity/r1", plain(v)), box)
+    received = bus.counters["velocity"].received
+    network.put(f"{network.realm}/velocity/r1", plain(1.0))
+    await until(lambda: bus.counters["velocity"].received == received + 1, "the stranger's")
+    out.put(speed(2.0))
+    assert (await within(1, box.next(), "the newest")).message.speed == 2.0
 
 
 @pytest.mark.parametrize("order", ["mailbox first", "publisher first"])
