@@ -17,9 +17,9 @@ from agents.tasks.drive import Drive
 from agents.tasks.localize import Localize
 from muro_zenoh import channels, config
 from muro_zenoh.geometry import Circle, Pose2, Twist2, advance
-from muro_zenoh.messages import Ack, Cell, Estimate, Goal, Message, RobotState, SpeedReference, Value
+from muro_zenoh.messages import Ack, Cell, Estimate, FleetSnapshot, Goal, Message, RobotState, SpeedReference, Value
 from muro_zenoh.messages import Path as PathMessage
-from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.path import Path
 from muro_zenoh.transport import Bus, Every, Latest, Publisher
 
@@ -103,6 +103,12 @@ class Robot:
             for r in snapshot.message.robots
             if r.name != self.name
         )
+
+    @property
+    def snapshot(self) -> FleetSnapshot | None:
+        """All robots, this one too, as everybody was told at the same moment; None before the first."""
+        snapshot = self._snapshot.get()
+        return snapshot.message if snapshot is not None else None
 
     @property
     def snapshot_age(self) -> float:

@@ -9,12 +9,15 @@ from agents.robot import Robot
 from agents.tasks.dubins import DubinsParameters, drive_to_goals
 from muro_zenoh import channels
 from muro_zenoh.config.sections import NotNegative, Positive
-from muro_zenoh.messages import Estimate
+from muro_zenoh.messages import FleetSnapshot
 from muro_zenoh.planning.coverage import Density, Peaks, Point, cell, lloyd_goal
 
 _STALE = channels.ALL_POSITIONS.stale_after or 0.0
 _REST = 0.01
-"""A robot slower than this stands [m/s]."""
+"""A robot slower than this [m/s] ..."""
+
+_REST_TURNING = 0.1
+"""... that turns slower than this [rad/s] stands."""
 
 _SHOW_PERIOD = 1.0
 
@@ -45,43 +48,56 @@ async def coverage(robot: Robot) -> None:
     density = parameters.density()
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(_cover(robot, parameters, density), name="coverage")
-        tasks.create_task(drive_to_goals(robot, parameters), name="dubins")
+        tasks.create_task(drive_to_goals(robot, parameters, "at rest, until all are"), name="dubins")
 
 
 async def _cover(robot: Robot, parameters: CoverageParameters, density: Density | None) -> None:
+    """Await the newest snapshot; when by it all have stood for the hold time, go where the own cell's centroid is.
+
+    Everybody judges the same snapshots by their own stamps, so a round begins for all of them at once: judged by each
+    robot's clock and estimate, the first to go would make the others wait for it.
+    """
     floor = robot.arena
     bounds = floor.shrunk(robot.settings.radius)
-    moved_at = shown_at = robot.now
-    async for estimate in robot.estimates():
-        now = robot.now
-        if robot.snapshot_age > _STALE:
-            moved_at = now
+    told = shown_at = -math.inf
+    rest_since: float | None = None
+    async for _ in robot.estimates():
+        snapshot = robot.snapshot
+        if snapshot is None or robot.snapshot_age > _STALE:
+            rest_since = None
             continue
-        sites, rest = _sites(robot, estimate)
+        now = snapshot.stamp
+        if now <= told:
+            continue
+        told = now
+        sites, rest = _sites(robot, snapshot)
         if not rest:
-            moved_at = now
-        due = now - moved_at >= parameters.hold_time
-        if not due and now - shown_at < _SHOW_PERIOD:
+            rest_since = None
+        elif rest_since is None:
+            rest_since = now
+        due = rest_since is not None and now - rest_since >= parameters.hold_time
+        if not sites or not (due or now - shown_at >= _SHOW_PERIOD):
             continue
         shown_at = now
         x, y = lloyd_goal(0, sites, floor, density)
         robot.show_cell(cell(0, sites, floor), x, y)
         if due:
-            moved_at = now
-            if math.hypot(x - estimate.x, y - estimate.y) > parameters.stay_within:
+            rest_since = None
+            if math.dist((x, y), sites[0]) > parameters.stay_within:
                 robot.goal(*bounds.nearest(x, y))
 
 
-def _sites(robot: Robot, estimate: Estimate) -> tuple[list[Point], bool]:
-    """Who covers, oneself first, and whether all of them stand."""
+def _sites(robot: Robot, snapshot: FleetSnapshot) -> tuple[list[Point], bool]:
+    """Who covers, oneself first, and whether all of them stand; none when oneself is not among them."""
     stopped = robot.stopped
-    sites = [(estimate.x, estimate.y)]
-    rest = abs(estimate.v) < _REST
-    for other in robot.neighbours:
-        if other.state in ("tracking", "disagrees") and other.name not in stopped:
-            sites.append((other.x, other.y))
-            rest = rest and abs(other.v) < _REST
-    return sites, rest
+    own: list[Point] = []
+    others: list[Point] = []
+    rest = True
+    for one in snapshot.robots:
+        if one.state in ("tracking", "disagrees") and one.name not in stopped:
+            (own if one.name == robot.name else others).append((one.x, one.y))
+            rest = rest and abs(one.v) < _REST and abs(one.omega) < _REST_TURNING
+    return (own + others if own else []), rest
 
 
 def _row(peak: tuple[float, ...]) -> tuple[float, float, float, float]:

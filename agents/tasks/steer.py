@@ -42,7 +42,8 @@ async def steer(robot: Robot) -> None:
     goals = Goals(robot, p)
     try:
         async for estimate in robot.estimates():
-            goals.look()
+            if goals.look():
+                goals.set_out()  # it can go to any place inside: nothing is planned
             if goals.current is None:
                 robot.hold(goals.waiting)
                 continue

@@ -36,11 +36,13 @@ class Lab:
     answers: Every[Ack]
 
     async def order(self, goals: Goals, goal: Goal) -> tuple[bool, Ack]:
-        """What ``look`` says of an order, and its answer."""
+        """What ``look`` says of an order, and its answer; a goal that can be gone to is."""
         sent = self.out.put(goal)
         new = False
         for _ in range(50):
-            new |= goals.look()
+            if goals.look():
+                new = True
+                goals.set_out()
             answers = self.answers.drain()
             if answers:
                 ack = answers[0].message
@@ -117,12 +119,76 @@ async def test_an_order_outside_the_arena_is_refused_and_the_goal_stays(lab: Lab
     assert at(goals) == (1.0, 0.5, None)
 
 
-async def test_a_goal_that_cannot_be_reached_is_answered_a_second_time(lab: Lab) -> None:
+async def taken(goals: Goals) -> bool:
+    """Whether an order that is under way is taken as a new goal."""
+    for _ in range(10):
+        if goals.look():
+            return True
+        await asyncio.sleep(0)
+    return False
+
+
+async def test_a_goal_that_cannot_be_reached_is_refused_and_the_one_before_goes_on(lab: Lab) -> None:
+    goals = Goals(lab.robot, GoalParameters(goals=((1.0, 0.5), (-1.0, 0.0)), pause=0.0))
+    goals.look()
+    goals.set_out()
+    sent = lab.out.put(Goal(x=0.3, y=-0.4))
+    assert await taken(goals)
+    goals.give_up("no path keeps inside the arena")
+    refusal = (await within(1, lab.answers.next(), "the refusal")).message
+    assert (refusal.order_seq, refusal.accepted) == (sent.seq, False)
+    assert refusal.reason == "no path keeps inside the arena"
+    assert at(goals) == (1.0, 0.5, None)
+    goals.arrived()
+    assert goals.look()
+    assert at(goals) == (-1.0, 0.0, None)
+
+
+async def test_a_goal_that_becomes_unreachable_is_answered_a_second_time(lab: Lab) -> None:
     goals = Goals(lab.robot, GoalParameters())
     _, ack = await lab.order(goals, Goal(x=0.3, y=-0.4))
     assert ack.accepted
-    goals.give_up("no path keeps inside the arena")
-    refusal = await within(1, lab.answers.next(), "the refusal")
-    assert (refusal.message.order_seq, refusal.message.accepted) == (ack.order_seq, False)
-    assert refusal.message.reason == "no path keeps inside the arena"
+    goals.give_up("a wall has moved")
+    refusal = (await within(1, lab.answers.next(), "the refusal")).message
+    assert (refusal.order_seq, refusal.accepted) == (ack.order_seq, False)
     assert at(goals) is None
+    assert goals.waiting == "goal (0.3, -0.4) given up: a wall has moved"
+
+
+async def test_a_goal_of_the_list_that_is_given_up_is_said_and_the_next_is_gone_to(lab: Lab) -> None:
+    goals = Goals(lab.robot, GoalParameters(goals=((1.0, 0.5), (-1.0, 0.0)), pause=2.0))
+    goals.look()
+    goals.give_up("no way")
+    assert goals.waiting == "goal (1, 0.5) given up: no way"
+    assert not goals.look()
+    lab.clock.advance(2.1)
+    assert goals.look()
+    goals.arrived()
+    assert (goals.reached, goals.waiting) == (1, "all goals reached")
+
+
+async def test_a_goal_said_again_is_answered_and_is_no_new_one(lab: Lab) -> None:
+    goals = Goals(lab.robot, GoalParameters())
+    new, _ = await lab.order(goals, Goal(x=0.3, y=-0.4))
+    assert new
+    new, ack = await lab.order(goals, Goal(x=0.3, y=-0.4))
+    assert (new, ack.accepted) == (False, True)
+
+
+async def test_of_two_goals_at_once_the_newer_counts_and_both_are_answered(lab: Lab) -> None:
+    goals = Goals(lab.robot, GoalParameters())
+    first, second = lab.out.put(Goal(x=0.3, y=-0.4)), lab.out.put(Goal(x=-0.3, y=0.4))
+    assert await taken(goals)
+    goals.set_out()
+    assert at(goals) == (-0.3, 0.4, None)
+    answers = [(await within(1, lab.answers.next(), "an answer")).message for _ in range(2)]
+    assert [(a.order_seq, a.accepted) for a in answers] == [(first.seq, False), (second.seq, True)]
+
+
+async def test_who_is_there_already_accepts_the_goal(lab: Lab) -> None:
+    goals = Goals(lab.robot, GoalParameters(), idle="at rest")
+    assert goals.waiting == "at rest"
+    lab.out.put(Goal(x=0.3, y=-0.4))
+    assert await taken(goals)
+    goals.arrived()
+    assert (await within(1, lab.answers.next(), "the answer")).message.accepted
