@@ -83,7 +83,7 @@ async def _a_stop_needs_no_base_station(fleet: RealFleet) -> None:
     fleet.commands()
     fleet.start("basestation")
     await fleet.until(lambda: fleet.says("r3", "stop order to everybody"), 10, "r3 hears of the stop")
-    await fleet.until(lambda: fleet.health["basestation"].numbers.get("frames", 0) > 20, 10, "robots are seen again")
+    await fleet.until(lambda: fleet.number("basestation", "frames") > 20, 10, "robots are seen again")
     await fleet.throughout(fleet.standing, 1.0, "nobody drives")
     turned = {c.name for c in fleet.commands() if (c.message.v, c.message.omega) != (0.0, 0.0)}
     assert turned == set(), "until an operator resumes, no command but zero"

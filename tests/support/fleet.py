@@ -143,12 +143,17 @@ class RealFleet:
         """What everybody says about himself, for failures."""
         lines = [f"{name}: {h.state} {h.reasons} {h.numbers}" for name, h in self.health.items()]
         places = [f"{name}: {t.x:.3f} {t.y:.3f} {t.theta:.2f} v {t.v:.3f}" for name, t in self.truth.items()]
-        return "\n".join([*lines, *places, *(p.last_lines() for p in self.process.values())])
+        return "\n".join([*lines, *places, *(p.last_lines(8) for p in self.process.values())])
 
     @property
     def health(self) -> dict[str, Health]:
         """The newest health of each."""
         return {name: received.message for name, received in self._health.values().items()}
+
+    def number(self, name: str, key: str) -> float:
+        """A number that somebody says in his health; 0 when he does not."""
+        health = self.health.get(name)
+        return health.numbers.get(key, 0.0) if health is not None else 0.0
 
     @property
     def truth(self) -> dict[str, Truth]:

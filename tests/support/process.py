@@ -82,6 +82,11 @@ class Process:
                         f"{self.name} did not say {start!r} within {seconds(timeout):g} s.\n{self.last_lines()}"
                     )
 
+    def forget(self) -> None:
+        """Skip the lines that it has said so far."""
+        with self._heard:
+            self._unread.clear()
+
     def ready(self, timeout: float = 20.0) -> None:
         """Wait for its ready line."""
         self.line("READY", timeout)
@@ -130,9 +135,9 @@ class Process:
         finally:
             self._tidy()
 
-    def last_lines(self) -> str:
+    def last_lines(self, count: int = _LAST_LINES) -> str:
         """The last of its output, for failures."""
-        return f"---- the last lines of {self.name}:\n" + "\n".join(self._last) + "\n----"
+        return f"---- the last lines of {self.name}:\n" + "\n".join(list(self._last)[-count:]) + "\n----"
 
     def __enter__(self) -> Process:
         return self

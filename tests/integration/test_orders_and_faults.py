@@ -1,0 +1,155 @@
+"""A real fleet among strangers: other behaviours, foreign programs, garbage, and the ends of router and simulator."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import msgpack
+import pytest
+import pytest_asyncio
+
+from muro_zenoh import channels
+from muro_zenoh.messages import SetBehaviour, SetCircle, encoding_of
+from tests.support.fleet import RealFleet, find, real_fleet, stranger
+from tests.support.process import CHILDREN, Process
+from tests.support.waiting import seconds
+
+pytestmark = pytest.mark.slow
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest_asyncio.fixture
+async def fleet(tmp_path: Path) -> AsyncIterator[RealFleet]:
+    path = os.pathsep.join(filter(None, [str(EXAMPLES), os.environ.get("PYTHONPATH", "")]))
+    async with real_fleet(tmp_path, behaviour={"name": "circle"}, env={"PYTHONPATH": path}) as running:
+        await running.until(running.driving, 10, "everybody drives")
+        yield running
+
+
+async def test_behaviours_of_others(fleet: RealFleet) -> None:
+    await _a_foreign_program_says_the_speed(fleet)
+    await _an_unknown_behaviour_leaves_the_robot_standing(fleet)
+    await _the_flock_is_three_processes(fleet)
+
+
+async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
+    await fleet.until(lambda: abs(fleet.truth["r1"].v - 0.2) < 0.02, 10, "r1 at the default speed")
+    arguments = [str(CHILDREN / "velocities.py"), fleet.endpoint, "r1", "0.1"]
+    with Process(arguments, name="velocities") as other:
+        other.ready()
+        await fleet.until(lambda: abs(fleet.truth["r1"].v - 0.1) < 0.01, 10, "r1 at the foreign program's speed")
+        await fleet.throughout(lambda: abs(fleet.truth["r2"].v - 0.1) > 0.05, 0.5, "r2 at its own")
+        other.kill()
+    await fleet.until(lambda: fleet.says("r1", "the velocity is silent") and fleet.standing("r1"), 5, "r1 holds")
+
+
+async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> None:
+    await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="fly", names=("r2",)))
+    await fleet.until(lambda: fleet.says("r2", "got 'fly', expected one of circle, pursuit"), 5, "r2 says why")
+    await fleet.until(lambda: fleet.standing("r2"), 3, "r2 stands")
+    assert fleet.process["r2"].running
+    assert fleet.driving("r3")
+
+
+async def _the_flock_is_three_processes(fleet: RealFleet) -> None:
+    reply = fleet.muro("set", "behaviour", "flock:flock")
+    assert reply.returncode == 0, reply.stdout + reply.stderr
+    await fleet.until(lambda: {fleet.health[n].state for n in fleet.robots} == {"flock"}, 5, "everybody flocks")
+    await fleet.until(fleet.driving, 5, "everybody drives")
+
+
+async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet) -> None:
+    noise = random.Random(7)
+    names = [*fleet.robots, "north", "simulator", "basestation", "nobody"]
+    keys = [f"muro/{c.word}/{n}" for c in channels.CHANNELS if c.named for n in names]
+    keys += [f"muro/{c.word}" for c in channels.CHANNELS if not c.named]
+    # Not the truth: it is the observer's alone, and nobody else's to be confused by.
+    keys = [key for key in keys if not key.startswith("muro/truth/")]
+    kinds = {f"muro/{c.word}": encoding_of(c.kind) for c in channels.CHANNELS}
+    restarts = {name: fleet.process[name].pid for name in fleet.process}
+
+    def payload() -> bytes:
+        return noise.choice(
+            [
+                b"",
+                noise.randbytes(noise.randrange(1, 200)),
+                msgpack.packb({"stamp": time.time(), "nonsense": 1}),
+                msgpack.packb({"stamp": time.time(), "v": float("nan"), "omega": 0.0}),
+                msgpack.packb([1, 2, 3]),
+                b"\xdf\xff\xff\xff\xff" + noise.randbytes(20),  # a map of four thousand million
+                noise.randbytes(20_000),
+            ]
+        )
+
+    session = stranger(fleet.endpoint)
+    try:
+        for _ in range(40):
+            for key in keys:
+                word = "/".join(key.split("/")[:2])
+                if noise.random() < 0.5:
+                    session.put(key, payload(), encoding=kinds[word])
+                else:
+                    session.put(key, payload())
+            # A picture that is none, and one that is not this camera's.
+            for size, kind, data in ((16, "jpeg", noise.randbytes(50)), (8, "grey", bytes(64)), (8, "grey", b"")):
+                frame = {"stamp": time.time(), "width": size, "height": size, "format": kind, "data": data}
+                session.put("muro/camera/north", msgpack.packb(frame))
+            for verb in channels.VERBS:
+                session.get(f"muro/basestation/{verb.word}", lambda _: None, payload=payload(), timeout=0.5)
+            await fleet.until(lambda: True, 1, "the processes live")
+            await asyncio.sleep(0.05)
+    finally:
+        session.close()
+
+    await fleet.until(fleet.driving, 5, "everybody drives on")
+    for name, words in {
+        "r1": ("pose", "circle", "behaviour", "stop", "odometry", "velocity"),
+        "basestation": ("camera", "health", "estimate", "basestation/stop"),
+        "simulator": ("cmd_vel",),
+    }.items():
+        for word in words:
+            key = f"{word}_rejected"
+            await fleet.until(lambda n=name, k=key: fleet.number(n, k) > 10, 5, f"{name} counts {key}")  # type: ignore[misc]
+    assert fleet.number("basestation", "bad_frames") > 10
+    await fleet.ask(channels.SET_CIRCLE, SetCircle(radius=0.7))
+    await fleet.until(lambda: fleet.radius_error() < 0.03, 20, "the fleet obeys")
+    assert {name: process.pid for name, process in fleet.process.items()} == restarts
+
+
+async def test_the_router_and_then_the_simulator_die(fleet: RealFleet) -> None:
+    await _without_the_router_the_wheels_stop(fleet)
+    await _without_the_simulator_nobody_hangs(fleet)
+
+
+async def _without_the_router_the_wheels_stop(fleet: RealFleet) -> None:
+    simulator = fleet.process["simulator"]
+    simulator.forget()
+    fleet.kill("router")
+    # Nobody but the simulator itself can see its wheels now: its bases say what they did.
+    said: set[str] = set()
+    while said != set(fleet.robots):
+        said.add(find(simulator, r"(r\d): no fresh command for 0\.3 s, wheels at zero", 5)[1])
+    fleet.start("router")
+    await fleet.until(fleet.driving, 20, "everybody drives when the router is back")
+
+
+async def _without_the_simulator_nobody_hangs(fleet: RealFleet) -> None:
+    fleet.kill("simulator")
+    await fleet.until(lambda: all(fleet.says(name, "no pose for") for name in fleet.robots), 5, "they say why")
+    numbers = {name: fleet.health[name].seq for name in (*fleet.robots, "basestation")}
+    await fleet.until(lambda: all(fleet.health[n].seq >= numbers[n] + 2 for n in numbers), 10, "everybody reports on")
+    await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold"))
+    await fleet.until(lambda: all(fleet.says(n, "the behaviour is hold") for n in fleet.robots), 5, "orders are taken")
+    began = time.monotonic()
+    for name in numbers:
+        fleet.process[name].send(signal.SIGTERM)
+    codes = {name: fleet.process[name].wait(5) for name in numbers}
+    assert time.monotonic() - began < seconds(5)
+    assert set(codes.values()) == {0}, codes
