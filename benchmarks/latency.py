@@ -1,4 +1,4 @@
-"""How long a pose takes to become a command, and what that costs: our bus beside bare Zenoh.
+"""How long a pose takes to become a command, and what that costs: our bus and our agents beside bare Zenoh.
 
 One process per robot, a router between, and a driver that sends each of them a pose at 30 Hz and waits for the
 commands. All topologies of a size run at once, each behind a router of its own, and take turns every few seconds, so
@@ -7,7 +7,11 @@ that what else the machine does hits them alike::
     python benchmarks/latency.py --seconds 20 --json latency.json
 
 Rows: milliseconds from the tick to the last robot's command (p50, p99), commands lost, processor time of all processes
-together (router and driver too) in percent of one core, resident memory, threads.
+together (router and driver too) in percent of one core, resident memory, threads. The agents are real ones that run
+``circle`` on poses of a robot that drives round it; they get no odometry, as the others do not.
+
+Then how long it takes from spawning a process to its first command, bare and agent in turns, and until all processes of
+``make demo`` are ready.
 """
 
 from __future__ import annotations
@@ -15,27 +19,31 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import click
-import msgspec
 import psutil
 import zenoh
+import zenoh.ext
 from rich.console import Console
 from rich.table import Table
 
 from muro_zenoh import channels
 from muro_zenoh.channels import key_of
 from muro_zenoh.config import BusSettings
-from muro_zenoh.messages import PoseFix, encode, encoding_of
+from muro_zenoh.geometry import Circle, wrap_to_pi
+from muro_zenoh.messages import Behaviour, Message, PoseFix, StopOrder, encode, encoding_of
+from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.runtime.clock import SystemClock
 from muro_zenoh.transport.zenoh_link import zenoh_config
 
@@ -43,6 +51,9 @@ HERE = Path(__file__).parent
 RATE = 30.0
 TURN = 2.0
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-5)
+
+CIRCLE = Circle(0.0, 0.0, 0.8)
+SPEED = 0.2
 
 Spawn = Callable[[str, Sequence[str]], list["Child"]]
 """Starts a topology's processes for the robots named, as clients of an endpoint; returns when all are ready."""
@@ -60,10 +71,21 @@ def echoes(kind: str) -> Spawn:
     return spawn
 
 
+def agents(endpoint: str, names: Sequence[str]) -> list[Child]:
+    """A real agent per robot."""
+    with tempfile.NamedTemporaryFile("w", suffix=".toml", delete=False) as file:
+        file.write(f'robots = {len(names)}\n[camera.north]\nlatency = 0.0\n[bus]\nconnect = ["{endpoint}"]\n')
+    try:
+        return start([["-m", "agents.agent", file.name, name] for name in names])
+    finally:
+        Path(file.name).unlink()
+
+
 TOPOLOGIES: dict[str, Spawn] = {
     "bare, in the callback": echoes("callback"),
     "bare, through a loop": echoes("loop"),
     "our bus": echoes("bus"),
+    "agents on a circle": agents,
 }
 GROUND = "bare, in the callback"
 """What the others are compared with: callback in, put out, nothing between."""
@@ -107,7 +129,38 @@ class Driver:
         self._commands = self._session.declare_subscriber(
             key_of(settings.realm, channels.CMD_VEL, "*"), zenoh.handlers.Callback(self._file, indirect=False)
         )
+        # What the base station keeps: agents stand still without it. Nobody else listens.
+        self._kept = [self._keep(settings, channels.STOP, "", StopOrder(stamp=1.0, all=False, revision=1))]
+        x, y, radius, clockwise = CIRCLE
+        self._kept.append(
+            self._keep(
+                settings, channels.CIRCLE, "", CircleMessage(stamp=1.0, x=x, y=y, radius=radius, clockwise=clockwise)
+            )
+        )
+        behaviour = Behaviour(stamp=1.0, behaviour="circle", parameters={"speed": SPEED})
+        self._kept += [self._keep(settings, channels.BEHAVIOUR, name, behaviour) for name in names]
         self._tick = 0
+
+    def _keep(self, settings: BusSettings, channel: channels.Channel[Any], name: str, message: Message) -> Any:
+        publisher = zenoh.ext.declare_advanced_publisher(
+            self._session,
+            key_of(settings.realm, channel, name),
+            cache=zenoh.ext.CacheConfig(max_samples=1),
+            publisher_detection=True,
+        )
+        publisher.put(encode(message))
+        return publisher
+
+    def first_command(self, timeout: float) -> float:
+        """Send poses until a command comes; when that was [s, perf_counter]."""
+        self._arrived.clear()
+        began = time.perf_counter()
+        while not self._arrived and time.perf_counter() < began + timeout:
+            self._tick += 1
+            for i, pose in enumerate(self._poses):
+                pose.put(self._payload(i))
+            time.sleep(0.005)
+        return self._arrived[0][0] if self._arrived else math.nan
 
     def _file(self, sample: zenoh.Sample) -> None:
         self._arrived.append((time.perf_counter(), str(sample.key_expr), sample.payload.to_bytes()))
@@ -128,31 +181,43 @@ class Driver:
             self._count(ticks, into)
 
     def _payload(self, robot: int) -> bytes:
+        """The pose of a robot that drives round the circle."""
+        angle = self._tick / RATE * SPEED / CIRCLE.radius + robot
         return encode(
             PoseFix(
                 stamp=self._clock.now(),
                 seq=self._tick,
                 epoch=1,
-                x=float(self._tick),
-                y=0.1 * robot,
-                theta=0.3,
+                x=CIRCLE.x + CIRCLE.radius * math.cos(angle),
+                y=CIRCLE.y + CIRCLE.radius * math.sin(angle),
+                theta=wrap_to_pi(angle + 0.5 * math.pi),
                 covariance=COVARIANCE,
                 camera="north",
             )
         )
 
     def _count(self, ticks: dict[int, float], into: Measured) -> None:
-        answers: dict[int, dict[str, float]] = {tick: {} for tick in ticks}
-        for at, key, payload in self._arrived:
-            fields: dict[str, Any] = msgspec.msgpack.decode(payload)
-            tick = int(fields["v"] if "v" in fields else fields["x"])  # bare Zenoh sends the pose back as it came
-            if tick in answers:
-                answers[tick].setdefault(key, at)
-        into.sent += len(ticks) * len(self._names)
-        into.answered += sum(map(len, answers.values()))
+        """A tick is answered by a robot's first command after it, if that comes before the next tick but one."""
+        times = sorted(ticks.values())
+        heard: dict[str, list[float]] = {}
+        for at, key, _ in self._arrived:
+            heard.setdefault(key, []).append(at)
+        last = [0.0] * len(times)
+        answers = [0] * len(times)
+        for arrivals in heard.values():
+            waiting = deque(range(len(times)))
+            for at in arrivals:
+                while waiting and at > times[waiting[0]] + 2.0 / RATE:
+                    waiting.popleft()
+                if waiting and at >= times[waiting[0]]:
+                    tick = waiting.popleft()
+                    answers[tick] += 1
+                    last[tick] = max(last[tick], at)
+        into.sent += len(times) * len(self._names)
+        into.answered += sum(answers)
         # A tick that lost a command has no last one; it is told in the losses.
         into.latencies += [
-            max(heard.values()) - ticks[tick] for tick, heard in answers.items() if len(heard) == len(self._names)
+            at - tick for at, tick, count in zip(last, times, answers, strict=True) if count == len(self._names)
         ]
 
     def close(self) -> None:
@@ -163,7 +228,7 @@ class Running:
     """A topology that runs: its router, its robots' processes and its driver."""
 
     def __init__(self, stack: contextlib.ExitStack, spawn: Spawn, names: Sequence[str]) -> None:
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        self.endpoint = endpoint = f"tcp/127.0.0.1:{free_port()}"
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         settings = folder / "router.toml"
         settings.write_text(f'[bus]\nlisten = ["{endpoint}"]\n')
@@ -251,6 +316,45 @@ def quantile(values: Sequence[float], q: float) -> float:
     return ordered[min(len(ordered) - 1, int(q * len(ordered)))] if ordered else math.nan
 
 
+# ---- starting up
+
+
+@dataclass(frozen=True)
+class StartUp:
+    """How long something takes to be up: median and worst of some times [s]."""
+
+    what: str
+    median_s: float
+    worst_s: float
+    times: int
+
+
+def start_ups(times: int) -> list[StartUp]:
+    """From spawning a process to its first command, bare and agent in turns; and until ``make demo`` is ready.
+
+    Args:
+        times: how often each is measured.
+    """
+    took: dict[str, list[float]] = {name: [] for name in (GROUND, "agents on a circle")}
+    demo = []
+    with contextlib.ExitStack() as stack:
+        empty = Running(stack, lambda *_: [], ["r1"])
+        for _ in range(times):
+            for name, each in took.items():
+                began = time.perf_counter()
+                children = TOPOLOGIES[name](empty.endpoint, ["r1"])
+                each.append(empty.driver.first_command(5.0) - began)
+                stop(children)
+    for _ in range(times):
+        run = [sys.executable, "-P", "-m", "muro_zenoh.cli.main", "run", "pursuit", "--duration", "1", "--headless"]
+        said = subprocess.run(run, stdout=subprocess.PIPE, text=True, check=False).stdout
+        found = re.search(r"all processes ready after ([0-9.]+) s", said)
+        demo.append(float(found.group(1)) if found else math.nan)
+    took = {f"{name}: spawn to first command": each for name, each in took.items()}
+    took["make demo: all processes ready"] = demo
+    return [StartUp(name, quantile(each, 0.5), max(each), times) for name, each in took.items()]
+
+
 # ---- processes
 
 
@@ -321,14 +425,22 @@ def table(rows: Sequence[Row]) -> Table:
 @click.command(help=(__doc__ or "").splitlines()[0])
 @click.option("--robots", default="1,10,30", show_default=True, help="Sizes, comma-separated.")
 @click.option("--seconds", default=20.0, show_default=True, help="How long each topology is measured at each size.")
+@click.option("--starts", default=5, show_default=True, help="How often each start-up is measured; 0 for not at all.")
 @click.option("--json", "file", type=click.Path(path_type=Path), help="Write the rows to this file too.")
-def main(robots: str, seconds: float, file: Path | None) -> None:
+def main(robots: str, seconds: float, starts: int, file: Path | None) -> None:
     rows: list[Row] = []
-    for size in robots.split(","):
+    console = Console(width=120)
+    for size in filter(None, robots.split(",")):
         rows += compare(TOPOLOGIES, int(size), seconds)
-        Console(width=120).print(table(rows[-len(TOPOLOGIES) :]))
+        console.print(table(rows[-len(TOPOLOGIES) :]))
+    ups = start_ups(starts) if starts else []
+    if ups:
+        out = Table("start-up", "median s", "worst s")
+        for up in ups:
+            out.add_row(up.what, f"{up.median_s:.2f}", f"{up.worst_s:.2f}")
+        console.print(out)
     if file:
-        file.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
+        file.write_text(json.dumps([asdict(row) for row in (*rows, *ups)], indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from muro_zenoh.control.circle import circle_law
-from muro_zenoh.control.pursuit import PursuitLaw, array_gaps, pursuit_speed
+from muro_zenoh.control.pursuit import PursuitLaw, pursuit_speed
+from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.geometry import Circle
 from muro_zenoh.simulation.rollout.fleet import Fleet, Policy, Seen
 from muro_zenoh.simulation.rollout.settings import NOISY

@@ -9,7 +9,6 @@ from agents.robot import Robot
 from agents.tasks.path_following import CircleParameters, follow_circle
 from muro_zenoh import channels
 from muro_zenoh.config.sections import NotNegative, Positive
-from muro_zenoh.control.importance import Importance
 from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, pursue
 from muro_zenoh.messages import Estimate
 
@@ -49,10 +48,13 @@ class PursuitParameters(CircleParameters, frozen=True, kw_only=True):
             ValueError: an unknown law, or numbers that do not fit together.
             BehaviourError: an importance function that cannot be loaded.
         """
-        importance = None
+        if not (self.importance or self.angles or self.weights):
+            return PursuitLaw(self.pursuit, self.cruise, self.gain, self.v_min, self.v_max)
+        from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do without
+
         if self.importance:
             importance = Importance.from_function(load_function(self.importance))
-        elif self.angles or self.weights:
+        else:
             importance = Importance.from_table(self.angles, self.weights)
         return PursuitLaw(self.pursuit, self.cruise, self.gain, self.v_min, self.v_max, importance)
 

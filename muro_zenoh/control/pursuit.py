@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from muro_zenoh.control.importance import Importance
 from muro_zenoh.control.ring import (
     HYSTERESIS,
     RingRobot,
-    array_gaps,
     gaps,
     gaps_unrolled,
     order_ring,
@@ -27,14 +25,15 @@ from muro_zenoh.control.ring import (
 from muro_zenoh.elementwise import Scalar, of
 from muro_zenoh.geometry import TWO_PI, Circle
 
+if TYPE_CHECKING:
+    from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do without
+
 __all__ = [
     "DEFAULT_GAINS",
     "HYSTERESIS",
-    "Importance",
     "PursuitLaw",
     "PursuitStep",
     "RingRobot",
-    "array_gaps",
     "gaps",
     "order_ring",
     "pursue",

@@ -10,10 +10,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
 
 HYSTERESIS: Final = 0.05
@@ -154,40 +150,3 @@ def gaps_unrolled(way: Mapping[str, float], order: Sequence[str]) -> dict[str, f
     if order:
         result[order[-1]] = TWO_PI - (reached - start)
     return result
-
-
-def array_gaps(
-    angles: Array, clockwise: bool, eligible: NDArray[np.bool_] | None = None
-) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Gap ahead, gap behind and count for whole arrays of rings, without the hysteresis; ties go by index.
-
-    Args:
-        angles: angles seen from the centre [rad], shape ``[..., robots]``; each ring is one row.
-        clockwise: the direction of travel.
-        eligible: which robots are on the ring, same shape; all when None.
-
-    Returns:
-        Gap to the successor and from the predecessor [rad], shape ``[..., robots]``, a whole turn each for robots not
-        on the ring; robots on the ring, shape ``[..., 1]``.
-    """
-    way = np.mod(-angles if clockwise else angles, TWO_PI)
-    if eligible is not None:
-        way = np.where(eligible, way, np.inf)
-        count = eligible.sum(axis=-1, keepdims=True)
-    else:
-        count = np.full((*angles.shape[:-1], 1), angles.shape[-1])
-    index = np.argsort(way, axis=-1, kind="stable")
-    ways = np.take_along_axis(way, index, axis=-1)
-    place = np.broadcast_to(np.arange(angles.shape[-1]), angles.shape)
-    last = place == count - 1
-    successor = np.where(last, 0, np.minimum(place + 1, angles.shape[-1] - 1))
-    on_ring = place < count
-    with np.errstate(invalid="ignore"):  # inf - inf, off the ring, overwritten below
-        ahead = np.take_along_axis(ways, successor, axis=-1) - ways + np.where(last, TWO_PI, 0.0)
-    ahead = np.where(on_ring, ahead, TWO_PI)
-    predecessor = np.where(place == 0, np.maximum(count - 1, 0), place - 1)
-    behind = np.where(on_ring, np.take_along_axis(ahead, predecessor, axis=-1), TWO_PI)
-    gap, gap_behind = np.empty_like(way), np.empty_like(way)
-    np.put_along_axis(gap, index, ahead, axis=-1)
-    np.put_along_axis(gap_behind, index, behind, axis=-1)
-    return gap, gap_behind, count

@@ -10,7 +10,8 @@ import numpy as np
 
 from muro_zenoh.control.circle import circle_law
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.control.pursuit import PursuitLaw, array_gaps, pursuit_speed
+from muro_zenoh.control.pursuit import PursuitLaw, pursuit_speed
+from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
 from muro_zenoh.figures.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, PAGE, part_label, plan_view, sheet
 from muro_zenoh.figures.effort import Effort
@@ -133,6 +134,7 @@ def settling(effort: Effort) -> Figure:
     course.set_xlim(0.0, 60.0)
     course.set_yscale("log")
     course.set_ylim(0.01, 7.0)
+    log_ticks(course.yaxis, (0.01, 0.03, 0.1, 0.3, 1.0, 3.0))
     course.set_xlabel("time [s]")
     course.set_ylabel("spacing error [rad]")
     ratios.axvline(1.0, color=GREY, linewidth=0.9)
@@ -141,10 +143,10 @@ def settling(effort: Effort) -> Figure:
     log_ticks(ratios.xaxis, (1.0, 2.0, 3.0, 5.0, 8.0))
     ratios.set_ylim(0.0, 1.0)
     ratios.set_xlabel("time to 0.1 rad / least time [-]")
-    ratios.set_ylabel("share of the trials (faint: clean loop) [-]")
+    ratios.set_ylabel("share of the trials [-]")
     figure.legend(*course.get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    part_label(course, "a")
-    part_label(ratios, "b")
+    part_label(course, "a", "noisy loop")
+    part_label(ratios, "b", "noisy loop; faint: clean loop")
     return figure
 
 

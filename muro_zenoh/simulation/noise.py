@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from muro_zenoh.elementwise import ARRAYS, Array
+from muro_zenoh.arrays import ARRAYS
+from muro_zenoh.elementwise import Array
 
 _BLOCK = 32_768
 

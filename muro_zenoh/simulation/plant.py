@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from muro_zenoh.elementwise import ARRAYS, Array
+from muro_zenoh.arrays import ARRAYS
+from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
 from muro_zenoh.simulation.noise import GaussianRows
 from muro_zenoh.simulation.starts import random_starts

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, array_gaps, gaps, order_ring, pursue, pursuit_speed
+from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, gaps, order_ring, pursue, pursuit_speed
+from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import Circle
 

@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from muro_zenoh import elementwise
-from muro_zenoh.elementwise import ARRAYS, FLOATS
+from muro_zenoh import arrays, elementwise
+from muro_zenoh.arrays import ARRAYS
+from muro_zenoh.elementwise import FLOATS
 
 numbers = st.floats(-1e3, 1e3)
 PUBLIC = {
     name
-    for cls in (elementwise.Floats, elementwise.Arrays)
+    for cls in (elementwise.Floats, arrays.Arrays)
     for name in vars(cls)
     if not name.startswith("_")
 }  # fmt: skip

@@ -14,12 +14,12 @@ from muro_zenoh.control.pursuit import (
     DEFAULT_GAINS,
     PursuitLaw,
     RingRobot,
-    array_gaps,
     gaps,
     order_ring,
     pursue,
     pursuit_speed,
 )
+from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.geometry import Circle
 
 TWO_PI = 2.0 * math.pi

@@ -36,12 +36,20 @@ def test_who_heard_nothing_stands() -> None:
     assert latch.reason == "no stop state heard yet"
 
 
-@pytest.mark.parametrize("revision", [0, 5])
+@pytest.mark.parametrize("revision", [1, 5])
 def test_the_first_state_heard_frees_whatever_its_revision(revision: int) -> None:
     latch = hear(StopLatch(), revision)
     assert latch.may_drive
     assert latch.reason == ""
     assert latch.revision == revision
+
+
+def test_an_order_that_stops_others_and_knows_no_state_frees_nobody() -> None:
+    # `muro stop r2` with no base station: r1, which joins later, must not take it for the lab's state.
+    latch = hear(StopLatch(), 0, "r2")
+    assert not latch.may_drive
+    assert not latch.heard
+    assert hear(FREE, 0, "r2").may_drive
 
 
 def test_a_first_state_that_stops_is_latched() -> None:
@@ -93,7 +101,7 @@ def test_the_revision_never_falls_and_a_stop_is_always_obeyed(said: list[tuple[i
         before = latch
         latch = latch.hear("r1", everybody=everybody, names=names, revision=revision)
         assert latch.revision == max(before.revision, revision)
-        assert latch.heard
+        assert latch.heard == (before.heard or revision > 0 or everybody or "r1" in names)
         if everybody or "r1" in names:
             assert not latch.may_drive
         elif before.stopped and revision <= before.revision:

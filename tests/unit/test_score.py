@@ -30,7 +30,7 @@ from muro_zenoh.cli.score_goals import Body, Planned
 from muro_zenoh.config import Checks
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.geometry import Circle, Pose2
-from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
 

@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from muro_zenoh.arrays import ARRAYS
 from muro_zenoh.control.circle import CircleLaw
-from muro_zenoh.control.pursuit import PursuitLaw, array_gaps, pursuit_speed
-from muro_zenoh.elementwise import ARRAYS, Array
+from muro_zenoh.control.pursuit import PursuitLaw, pursuit_speed
+from muro_zenoh.control.ring_arrays import array_gaps
+from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import TWO_PI, Circle
 from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
 from muro_zenoh.simulation.rollout.settings import LoopSettings
@@ -85,12 +87,14 @@ class PursuitRun(NamedTuple):
     """A run of cyclic pursuit, sampled after every move of the plant.
 
     ``time`` (T,) [s]; ``spacing_error`` (T, trials): max over the robots of \\|gap - 2 pi / N\\| [rad];
-    ``radius_error`` (T, trials): greatest \\|distance from the centre - radius\\| [m], both of the true places.
+    ``radius_error`` (T, trials): greatest \\|distance from the centre - radius\\| [m]; ``angle`` (T, trials, N): where each
+    robot is, seen from the centre [rad]. All of the true places.
     """
 
     time: Array
     spacing_error: Array
     radius_error: Array
+    angle: Array
 
 
 def pursue_ring(
@@ -121,6 +125,7 @@ def pursue_ring(
     times: list[float] = []
     spacings: list[Array] = []
     radii: list[Array] = []
+    angles: list[Array] = []
 
     def policy(t: float, seen: Seen) -> tuple[Array, Array]:
         angle = ring_angle(fleet, seen, circle).reshape(trials, n)
@@ -131,14 +136,16 @@ def pursue_ring(
 
     def watch(t: float, pose: Array) -> None:
         x, y = pose[:, 0] - circle.x, pose[:, 1] - circle.y
-        gap, _, _ = array_gaps(np.arctan2(y, x).reshape(trials, n), circle.clockwise)
+        angle = np.arctan2(y, x).reshape(trials, n)
+        gap, _, _ = array_gaps(angle, circle.clockwise)
         times.append(t)
+        angles.append(angle)
         spacings.append(abs(gap - TWO_PI / n).max(axis=1))
         radii.append(abs(np.hypot(x, y) - circle.radius).reshape(trials, n).max(axis=1))
 
     for _ in range(round(seconds / settings.period)):
         fleet.step(policy, watch)
-    return PursuitRun(np.array(times), np.array(spacings), np.array(radii))
+    return PursuitRun(np.array(times), np.array(spacings), np.array(radii), np.array(angles))
 
 
 def ring_angle(fleet: Fleet, seen: Seen, circle: Circle) -> Array:
