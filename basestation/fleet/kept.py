@@ -148,7 +148,7 @@ class Kept:
         if unknown:
             return self._refuse(unknown)
         if order.names and self.state.stop_all:
-            rest = tuple(name for name in self._scenario.robots if name not in order.names)
+            rest = tuple(sorted({*self._scenario.robots, *self.state.stop_names} - set(order.names)))
             self._change_stop(order.revision, False, rest)
         elif order.names:
             rest = tuple(name for name in self.state.stop_names if name not in order.names)

@@ -146,6 +146,14 @@ def test_resume_of_one_leaves_the_others_stopped() -> None:
     assert stopped(kept) == (False, ("r1",))
 
 
+def test_resume_of_one_leaves_those_stopped_that_no_file_names() -> None:
+    kept = fresh()
+    kept.set_stop(Stop(names=("visitor",)))
+    kept.set_stop(Stop())
+    assert kept.resume(Resume(revision=kept.stop.revision, names=("r2",))).accepted
+    assert stopped(kept) == (False, ("r1", "r3", "visitor"))
+
+
 def test_resume_is_refused_when_a_stop_came_in_between() -> None:
     kept = fresh()
     kept.set_stop(Stop(names=("r1",)))
