@@ -7,7 +7,7 @@ import click
 from muro_zenoh import __version__
 from muro_zenoh.cli.figures import figures
 from muro_zenoh.cli.options import MuroGroup, example
-from muro_zenoh.cli.orders import resume, set_group, stop
+from muro_zenoh.cli.orders import goal, resume, set_group, stop
 from muro_zenoh.cli.processes import agent, base, basestation, router, sim
 from muro_zenoh.cli.run import run
 from muro_zenoh.cli.topic import topic
@@ -23,7 +23,7 @@ def main() -> None:
     """A lab of ground robots, run from Python over Zenoh."""
 
 
-for command in (run, agent, base, basestation, sim, router, stop, resume, set_group, topic, figures):
+for command in (run, agent, base, basestation, sim, router, stop, resume, goal, set_group, topic, figures):
     main.add_command(command)
 
 

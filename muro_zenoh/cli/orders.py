@@ -1,7 +1,8 @@
-"""``muro stop``, ``resume``, ``set``: orders to a running fleet."""
+"""``muro stop``, ``resume``, ``set``, ``goal``: orders to a running fleet."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -58,6 +59,30 @@ def resume(names: tuple[str, ...], bus: BusFlags) -> None:
 
     _check_names(names)
     on_bus(lambda b: send_resume(b, names), bus())
+
+
+@click.command(
+    epilog=example("muro goal r1 0.5 -0.4", "muro goal r1 0.5 -0.4 1.57"),
+    context_settings={"ignore_unknown_options": True},  # coordinates may be negative
+)
+@click.argument("name")
+@click.argument("x", type=float)
+@click.argument("y", type=float)
+@click.argument("theta", type=float, required=False)
+@bus_options
+def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> None:
+    """Send the robot NAME to X, Y [m, world], to arrive with the heading THETA [rad] if it is given.
+
+    It takes goals while it runs the behaviour dubins or steer (which looks at no heading). The exit code is 0 when it
+    has accepted, 1 when it refuses, with its reason, or does not answer.
+    """
+    from muro_zenoh.cli.going import send_goal
+
+    _check_names((name,))
+    for what, value in (("X", x), ("Y", y), ("THETA", theta)):
+        if value is not None and not math.isfinite(value):
+            raise click.BadParameter(f"got {value}, expected a finite number", param_hint=what)
+    on_bus(lambda b: send_goal(b, name, x, y, theta), bus())
 
 
 @click.group("set", cls=MuroGroup, epilog=example("muro set circle --radius 0.9", "muro set behaviour circle"))

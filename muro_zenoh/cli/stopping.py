@@ -55,7 +55,7 @@ async def send_stop(bus: Bus, names: tuple[str, ...]) -> int:
             meant = sorted(set(names) if names else alive)
             return [n for n in meant if n not in alive or not (h := health.get(n)) or not h.message.stop_latched]
 
-        await _until(lambda: not missing(), _CONFIRMED_WITHIN)
+        await until(lambda: not missing(), _CONFIRMED_WITHIN)
         try:
             reply: Reply | None = await asking
         except MuroError:
@@ -91,7 +91,7 @@ async def send_resume(bus: Bus, names: tuple[str, ...]) -> int:
     heard = bus.latest(channels.STOP)
     health = bus.latest(channels.HEALTH, "*")
     roster = bus.roster()
-    await _until(lambda: heard.get() is not None and bool(roster.of("basestation")), _STOP_HEARD_WITHIN)
+    await until(lambda: heard.get() is not None and bool(roster.of("basestation")), _STOP_HEARD_WITHIN)
     known = heard.get()
     if known is None or not roster.of("basestation"):
         raise NoReply(
@@ -108,7 +108,7 @@ async def send_resume(bus: Bus, names: tuple[str, ...]) -> int:
         meant = sorted(set(names) & alive if names else alive)
         return [n for n in meant if not (h := health.get(n)) or h.message.stop_latched]
 
-    await _until(lambda: not still(), _CONFIRMED_WITHIN)
+    await until(lambda: not still(), _CONFIRMED_WITHIN)
     for name in still():
         click.echo(f"{name}: still says that it is stopped")
     return 1 if still() else 0
@@ -126,8 +126,13 @@ def answer_of(reply: Reply | None, silent: str = "") -> str:
     return f"accepted, revision {reply.revision}" if reply.accepted else f"refused: {reply.reason}"
 
 
-async def _until(condition: Callable[[], bool], timeout: float) -> None:
-    """Wait until a condition holds, or for ``timeout`` [s] at most."""
+async def until(condition: Callable[[], bool], timeout: float) -> None:
+    """Wait until a condition holds, or for ``timeout`` at most.
+
+    Args:
+        condition: what to wait for.
+        timeout: how long [s].
+    """
     loop = asyncio.get_running_loop()
     end = loop.time() + timeout
     while not condition() and loop.time() < end:  # noqa: ASYNC110 - several mailboxes at once
