@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import importlib
+import os
+import sys
 from collections.abc import Callable
 from typing import Any
 
 from muro_zenoh.errors import BehaviourError
+from muro_zenoh.runtime.process import BEHAVIOURS
 
 
 def load_function(name: str) -> Callable[..., Any]:
     """The function that a name stands for.
 
     Args:
-        name: ``module:function``, in a module that can be imported.
+        name: ``module:function``, in a module beside the scenario file, or one that can be imported.
 
     Raises:
         BehaviourError: not such a name, no such module or function, or its import failed.
@@ -21,10 +24,13 @@ def load_function(name: str) -> Callable[..., Any]:
     module_name, colon, function_name = name.partition(":")
     if not colon:
         raise BehaviourError(f"function: got {name!r}, expected module:function")
+    for folder in os.environ.get(BEHAVIOURS, "").split(os.pathsep):
+        if folder and folder not in sys.path:
+            sys.path.append(folder)
     try:
         function = getattr(importlib.import_module(module_name), function_name)
     except ModuleNotFoundError as error:
-        raise BehaviourError(f"{name!r}: {error}; is the file's folder on the agent's path (PYTHONPATH)?") from error
+        raise BehaviourError(f"{name!r}: {error}; put it beside the scenario file, or on PYTHONPATH") from error
     except AttributeError:
         raise BehaviourError(f"{name!r}: module {module_name} has no function {function_name!r}") from None
     except (Exception, SystemExit) as error:  # a script without a guard leaves when it is imported

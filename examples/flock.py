@@ -14,4 +14,4 @@ async def flock(robot):
             x += 0.5 * math.cos(other.theta) - away * dx
             y += 0.5 * math.sin(other.theta) - away * dy
         turn = wrap_to_pi(math.atan2(y, x) - me.theta)
-        robot.drive(0.15 * max(math.cos(turn), 0.2), 1.5 * turn)
+        robot.drive(0.15 * max(math.cos(turn), 0.0), 1.5 * turn)

@@ -17,6 +17,7 @@ import muro_zenoh
 from muro_zenoh.cli.supervisor import Child, ChildSpec, Supervisor
 from muro_zenoh.config import Scenario, as_table, load_scenario
 from muro_zenoh.errors import ConfigError, SupervisionError
+from muro_zenoh.runtime.process import BEHAVIOURS
 
 HOST = "127.0.0.1"
 PORT = 7447
@@ -54,6 +55,8 @@ def find_scenario(given: str, robots: int | None, overrides: Mapping[str, object
             expected=f"a TOML file, or one of {', '.join(known)}",
             hint=f"Did you mean {' or '.join(close)}?" if close else "",
         )
+    # A behaviour of one's own may stand beside the file.
+    os.environ.setdefault(BEHAVIOURS, str(path.resolve().parent))
     return load_scenario(path, robots=robots, overrides=overrides)
 
 

@@ -91,7 +91,7 @@ class Arena(Section, frozen=True, kw_only=True):
         return self.x_min, self.y_min, self.x_max, self.y_max
 
 
-_VIEW_MARGIN = 0.1
+_VIEW_MARGIN = 0.25
 """What a camera without points of its own sees beyond the arena [m]."""
 
 
