@@ -32,9 +32,6 @@ BLACK: Final = "#1a1a1a"
 GREY: Final = "#8c8c8c"
 PALE: Final = "#e6e6e6"
 
-COLUMN: Final = 3.5
-"""Width of a journal's column [inch]."""
-
 PAGE: Final = 7.16
 """Width of a journal's page [inch]."""
 

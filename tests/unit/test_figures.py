@@ -1,0 +1,121 @@
+"""The figures: all of them are drawn, the same each time, from the table and the laws that the fleet runs on."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from muro_zenoh.channels import CHANNELS
+from muro_zenoh.cli.main import main
+from muro_zenoh.control.circle import CIRCLE_LAWS
+from muro_zenoh.control.pursuit import DEFAULT_GAINS
+from muro_zenoh.errors import ConfigError, MissingExtra, MuroError
+from muro_zenoh.figures.catalogue import FIGURES, draw
+from muro_zenoh.figures.effort import Effort
+from muro_zenoh.figures.topics import flows
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "laws.md"
+QUICK = Effort(starts=4, trials=2, share=0.02)
+
+
+def one(out: Path, name: str, file_format: str = "png") -> bytes:
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    [(drawn, path)] = draw(out, [name], file_format, QUICK)
+    assert drawn == name
+    assert path == out / f"{name}.{file_format}"
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_figure_is_drawn(name: str, tmp_path: Path) -> None:
+    picture = one(tmp_path, name)
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 10_000, "nothing but white"
+
+
+@pytest.mark.parametrize("name", ["seed000_fig4", "seed000_fig8"])
+def test_the_same_figure_comes_out_each_time(name: str, tmp_path: Path) -> None:
+    assert one(tmp_path / "a", name, "svg") == one(tmp_path / "b", name, "svg")
+
+
+def test_an_unknown_figure_is_refused_with_those_there_are(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"'fig9'.*seed000_fig1.*coverage_cells"):
+        next(draw(tmp_path, ["fig9"]))
+
+
+def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"'gif'.*svg or png"):
+        next(draw(tmp_path, file_format="gif"))
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MuroError, match=r"file/deeper.*--out"):
+        next(draw(tmp_path / "file" / "deeper"))
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "seed001_wheel_speeds.png").mkdir()
+    with pytest.raises(MuroError, match=r"seed001_wheel_speeds\.png.*--out"):
+        one(tmp_path, "seed001_wheel_speeds")
+
+
+def test_without_matplotlib_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'muro-zenoh\[figures\]'"):
+        next(draw(tmp_path))
+
+
+def test_the_command_says_what_it_has_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    result = CliRunner().invoke(main, ["figures", "--out", str(tmp_path), "--only", "seed001_wheel_speeds"])
+    assert result.exit_code == 0, result.output
+    assert result.output.startswith(f"[1/1] {tmp_path / 'seed001_wheel_speeds.svg'}")
+    assert (tmp_path / "seed001_wheel_speeds.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_the_command_lists_the_figures() -> None:
+    result = CliRunner().invoke(main, ["figures", "--list"])
+    assert [line.split()[0] for line in result.output.splitlines()] == list(FIGURES)
+
+
+def test_the_command_reports_a_wrong_name_in_one_line(tmp_path: Path) -> None:
+    result = CliRunner().invoke(main, ["figures", "--out", str(tmp_path), "--only", "fig9"])
+    assert result.exit_code == 2
+    assert "Traceback" not in result.output
+
+
+def test_the_flow_shows_every_channel() -> None:
+    keys = {row.key.partition("/")[0] for row in flows()}
+    assert keys == {channel.word for channel in CHANNELS} | {"basestation"}
+
+
+def test_both_ends_of_every_channel_are_there() -> None:
+    programs = {"camera", "simulator", "base", "basestation", "operator", "every process"}
+    for row in flows():
+        for name in (*row.writers, *row.readers):
+            program, _, task = name.partition("/")
+            if program == "agent":
+                assert (ROOT / "agents" / "tasks" / f"{task}.py").is_file(), f"{row.key}: no task {name}"
+            else:
+                assert name in programs, row.key
+
+
+@pytest.mark.parametrize("law", [*CIRCLE_LAWS, *DEFAULT_GAINS])
+def test_the_page_of_laws_names_every_law(law: str) -> None:
+    assert f"`{law}`" in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_laws_shows_every_figure() -> None:
+    shown = re.findall(r"\]\(figures/([^)]+)\.(?:svg|png)\)", PAGE.read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(FIGURES)
+    for name in shown:
+        files = list((PAGE.parent / "figures").glob(f"{name}.*"))
+        assert len(files) == 1, name
+        assert files[0].stat().st_size < 300_000, name
