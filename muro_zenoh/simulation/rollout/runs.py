@@ -87,8 +87,8 @@ class PursuitRun(NamedTuple):
     """A run of cyclic pursuit, sampled after every move of the plant.
 
     ``time`` (T,) [s]; ``spacing_error`` (T, trials): max over the robots of \\|gap - 2 pi / N\\| [rad];
-    ``radius_error`` (T, trials): greatest \\|distance from the centre - radius\\| [m]; ``angle`` (T, trials, N): where each
-    robot is, seen from the centre [rad]. All of the true places.
+    ``radius_error`` (T, trials): greatest \\|distance from the centre - radius\\| [m]; ``angle`` (T, trials, N): where
+    each robot is, seen from the centre [rad]. All of the true places.
     """
 
     time: Array
