@@ -52,7 +52,7 @@ async def bus(settings: BusSettings, name: str) -> None:
     """Our bus: decode, mailbox, task, encode."""
     async with open_bus(settings) as opened:
         commands = opened.publisher(channels.CMD_VEL, name)
-        poses = opened.latest(channels.POSE, name)
+        poses = opened.every(channels.POSE, name)
         ready("bus", name)
         async for pose in poses:
             commands.put(VelocityCommand(v=pose.message.x, omega=pose.message.theta))

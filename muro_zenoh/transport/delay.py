@@ -48,8 +48,14 @@ class DelayTracker:
             self._writers[epoch] = self._last = window  # the one heard last stands last
             if len(self._writers) > _MOST_WRITERS:
                 del self._writers[next(iter(self._writers))]
+        window = self._last
+        if arrival - window.began > _HALF_WINDOW:
+            window.older, window.newer = window.newer, math.inf
+            window.began = arrival
         offset = arrival - stamp
-        self.least = self._last.observe(offset, arrival)
+        if offset < window.newer:
+            window.newer = offset
+        self.least = window.newer if window.newer < window.older else window.older
         return offset - self.least
 
 
@@ -63,11 +69,3 @@ class _Window:
         self.began = began
         self.newer = math.inf
         self.older = math.inf
-
-    def observe(self, offset: float, arrival: float) -> float:
-        if arrival - self.began > _HALF_WINDOW:
-            self.older, self.newer = self.newer, math.inf
-            self.began = arrival
-        if offset < self.newer:
-            self.newer = offset
-        return self.newer if self.newer < self.older else self.older
