@@ -65,6 +65,7 @@ def test_the_default_circle_law_bears_a_worse_loop(settings: LoopSettings, clock
     assert np.quantile(abs(run.radius_error[-len(run.time) // 4 :]), 0.95) < 0.01
 
 
+@pytest.mark.slow
 def test_the_density_asked_for_comes_out_of_the_whole_loop() -> None:
     """36 bins over 180 s after settling, contrast 3: within 15 % (total variation), each trial by itself."""
     wanted = Importance.from_function(lambda angle: 2.0 + math.cos(angle - 1.0))
