@@ -128,6 +128,30 @@ async def test_the_circle_changes_live() -> None:
         assert fleet.turning("r1") == pytest.approx(-0.2 / 0.6, rel=0.03)
 
 
+@virtual
+async def test_a_fix_becomes_a_command_at_once_and_the_estimate_ticks_on_without() -> None:
+    async with circling(1) as fleet:
+        bus = await fleet.bus()
+        fixes = bus.every(channels.POSE, "r1", depth=512)
+        estimates = bus.every(channels.ESTIMATE, "r1", depth=512)
+        commands = bus.every(channels.CMD_VEL, "r1", depth=512)
+        await asyncio.sleep(2.0)
+        sent = {command.message.stamp for command in commands.drain()}
+        arrived = [fix.arrival for fix in fixes.drain()]
+        assert len(arrived) == 40
+        assert all(arrival in sent for arrival in arrived)  # no timer between pose and command
+        assert 20 <= len(estimates.drain()) / 2.0 <= 50
+        numbers, samples = fleet.healths["r1"].numbers, fleet.healths["r1"].samples
+        assert numbers["command_rate_hz"] == pytest.approx(len(sent) / 2.0, abs=3.0)
+        assert samples["pose_to_command_s"] == pytest.approx([0.0] * 20, abs=1e-6)
+        assert samples["pose_age_s"] == pytest.approx([0.05] * 20, abs=0.011)  # the camera's latency is in it
+        fleet.seeing = False
+        await asyncio.sleep(0.2)
+        estimates.drain()
+        await asyncio.sleep(1.0)
+        assert 20 <= len(estimates.drain()) <= 30
+
+
 # ---- cyclic pursuit
 
 

@@ -207,21 +207,22 @@ class RealFleet:
         gaps = [(b - a) % math.tau for a, b in zip(angles, [*angles[1:], angles[0]], strict=True)]
         return max(abs(gap - math.tau / len(names)) for gap in gaps)
 
-    async def ring(self, names: tuple[str, ...] = (), limit: float = 40.0) -> None:
-        """Wait until these robots (all) are evenly spread on the circle, and stay so for two seconds."""
+    async def ring(self, names: tuple[str, ...] = (), limit: float = 90.0) -> None:
+        """Wait until these robots (all) are spread evenly on the circle, and stay so for a second.
 
-        def even() -> bool:
-            return self.spacing_error(names) < 0.1 and self.radius_error(names) < 0.03 and self.driving(*names)
-
+        The bounds are wide, for a machine that has much else to do and robots that stutter; a ring of one robot more or
+        less is off by more. How exact a ring is, the score sheets of quiet runs say.
+        """
         loop = asyncio.get_running_loop()
         since = math.inf
 
-        def for_a_while() -> bool:
+        def even_for_a_while() -> bool:
             nonlocal since
-            since = min(since, loop.time()) if even() else math.inf
-            return loop.time() - since > 2.0
+            even = self.spacing_error(names) < 0.25 and self.radius_error(names) < 0.1
+            since = min(since, loop.time()) if even else math.inf
+            return loop.time() - since > 1.0
 
-        await self.until(for_a_while, limit, f"an even ring of {', '.join(names or self.robots)}")
+        await self.until(even_for_a_while, limit, f"an even ring of {', '.join(names or self.robots)}")
 
     async def ask(self, verb: channels.Verb[Any], order: Message) -> Reply:
         """Give an order that must be accepted."""
