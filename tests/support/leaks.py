@@ -40,7 +40,8 @@ def no_thread_or_process_left() -> Iterator[None]:
         thread.join(seconds(1.0))
     names = sorted(t.name for t in left if t.is_alive())
     assert not names, f"the test left threads behind: {names}"
-    orphans = _children() - children
+    # One that was killed may still be ending, or wait to be waited for.
+    _, orphans = psutil.wait_procs(_children() - children, timeout=seconds(1.0))
     for orphan in orphans:
         orphan.kill()
     assert not orphans, f"the test left processes behind: {sorted(map(repr, orphans))}"
