@@ -11,6 +11,7 @@ from muro_zenoh import channels
 from muro_zenoh.config.sections import NotNegative, Positive
 from muro_zenoh.messages import FleetSnapshot
 from muro_zenoh.planning.coverage import Density, Peaks, Point, cell, lloyd_goal
+from muro_zenoh.planning.rounds import Round, next_round
 
 _STALE = channels.ALL_POSITIONS.stale_after or 0.0
 _REST = 0.01
@@ -60,31 +61,25 @@ async def _cover(robot: Robot, parameters: CoverageParameters, density: Density 
     floor = robot.arena
     bounds = floor.shrunk(robot.settings.radius)
     told = shown_at = -math.inf
-    rest_since: float | None = None
+    turn = Round()
     async for _ in robot.estimates():
         snapshot = robot.snapshot
         if snapshot is None or robot.snapshot_age > _STALE:
-            rest_since = None
+            turn = Round()
             continue
         now = snapshot.stamp
         if now <= told:
             continue
         told = now
         sites, rest = _sites(robot, snapshot)
-        if not rest:
-            rest_since = None
-        elif rest_since is None:
-            rest_since = now
-        due = rest_since is not None and now - rest_since >= parameters.hold_time
-        if not sites or not (due or now - shown_at >= _SHOW_PERIOD):
+        turn = next_round(now, rest, turn, parameters.hold_time)
+        if not sites or not (turn.due or now - shown_at >= _SHOW_PERIOD):
             continue
         shown_at = now
         x, y = lloyd_goal(0, sites, floor, density)
         robot.show_cell(cell(0, sites, floor), x, y)
-        if due:
-            rest_since = None
-            if math.dist((x, y), sites[0]) > parameters.stay_within:
-                robot.goal(*bounds.nearest(x, y))
+        if turn.due and math.dist((x, y), sites[0]) > parameters.stay_within:
+            robot.goal(*bounds.nearest(x, y))
 
 
 def _sites(robot: Robot, snapshot: FleetSnapshot) -> tuple[list[Point], bool]:

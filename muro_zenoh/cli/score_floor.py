@@ -10,11 +10,14 @@ from typing import Final, NamedTuple
 from muro_zenoh.cli.score_goals import Body
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.geometry import TWO_PI, Circle
-from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.coverage import Density, Point, coverage_cost, lloyd_step
 
 BINS: Final = 36
 """Parts of the circle in which the time that robots spend there is compared with what is asked for."""
+
+_SEEN_LATE = 0.2
+"""A rest is seen up to two samples shorter than it is [s]."""
 
 _CONVERGED = 1e-4
 """Lloyd's algorithm is followed until no site moves further than this [m]."""
@@ -62,29 +65,44 @@ def score_deployment(asked: Deployment, fleet: Sequence[tuple[float, Mapping[str
         fleet: scenario time [s] and the robots then, in order.
         robots: how many there are; a moment that does not know them all is passed over.
     """
-    costs: list[float] = []
-    sites: tuple[Point, ...] = ()
-    since: float | None = None
-    counted = False
-    for t, bodies in fleet:
-        if len(bodies) < robots:
-            continue
-        if not all(body.stands for body in bodies.values()):
-            since, counted = None, False
-            continue
-        since = t if since is None else since
-        sites = tuple((body.x, body.y) for body in bodies.values())
-        if not counted and t - since >= asked.hold_time - 1e-6:
-            counted = True
-            costs.append(coverage_cost(sites, asked.floor, asked.density))
+    known = [(t, bodies) for t, bodies in fleet if len(bodies) == robots]
+    rests = [rest for rest in _rests(known) if rest.end - rest.begin >= asked.hold_time - _SEEN_LATE]
+    costs = [coverage_cost(_sites(rest.bodies), asked.floor, asked.density) for rest in rests]
     rise = max((b / a - 1.0 for a, b in itertools.pairwise(costs)), default=0.0 if costs else None)
-    if not counted:  # at the end somebody drives, or the truth is not known
+    if not rests or rests[-1].end < known[-1][0]:  # at the end somebody drives
         return Deployed(None, costs[-1] if costs else None, None, rise, len(costs))
+    sites = _sites(rests[-1].bodies)
     cost = coverage_cost(sites, asked.floor, asked.density)
     ahead = lloyd_step(sites, asked.floor, asked.density)
     distance = max(math.dist(site, centre) for site, centre in zip(sites, ahead, strict=True))
     settled = coverage_cost(_lloyd(sites, asked), asked.floor, asked.density)
     return Deployed(distance, cost, 1.0 - settled / cost, rise, len(costs))
+
+
+class _Rest(NamedTuple):
+    """A stretch of time in which all robots stood: from, to [s], and where at its end."""
+
+    begin: float
+    end: float
+    bodies: Mapping[str, Body]
+
+
+def _rests(fleet: Sequence[tuple[float, Mapping[str, Body]]]) -> list[_Rest]:
+    found: list[_Rest] = []
+    begin: float | None = None
+    for t, bodies in fleet:
+        if not all(body.stands for body in bodies.values()):
+            begin = None
+        elif begin is None:
+            begin = t
+            found.append(_Rest(begin, t, bodies))
+        else:
+            found[-1] = _Rest(begin, t, bodies)
+    return found
+
+
+def _sites(bodies: Mapping[str, Body]) -> tuple[Point, ...]:
+    return tuple((body.x, body.y) for body in bodies.values())
 
 
 def _lloyd(sites: tuple[Point, ...], asked: Deployment) -> tuple[Point, ...]:

@@ -13,7 +13,7 @@ from muro_zenoh.cli.score_goals import Body, Moment, Planned, score_goals, score
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Circle, Pose2
-from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.path import Path, Segment
 
 
@@ -109,7 +109,7 @@ def test_a_cost_that_rises_is_seen_and_what_is_left_to_gain() -> None:
 def test_who_does_not_rest_at_the_end_has_not_deployed() -> None:
     found = score_deployment(FLOOR, [*rest(0, 1, 0.5, 1.5), *moving(1, 2)], 2)
     assert (found.distance, found.gain, found.rounds) == (None, None, 1)
-    found = score_deployment(FLOOR, rest(0, 0.4, 0.5, 1.5), 2)  # shorter than the hold time
+    found = score_deployment(FLOOR, rest(0, 0.3, 0.5, 1.5), 2)  # shorter than the hold time
     assert (found.distance, found.cost, found.rise, found.rounds) == (None, None, None, 0)
 
 
