@@ -110,6 +110,7 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         MuroError: the file cannot be written.
     """
+    _lay_out(figure)
     metadata: dict[str, Any] = {"Date": None} if path.suffix == ".svg" else {"Software": None}
     try:
         figure.savefig(path, metadata=metadata)
@@ -117,6 +118,15 @@ def save(figure: Figure, path: Path) -> None:
         raise MuroError(
             f"{path}: cannot be written ({error.strerror or error}). Choose another folder with --out"
         ) from error
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes for good: the solver's last digits differ between runs, and ids in the file hang on them."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        x, y, width, height = axes.get_position(original=True).bounds
+        axes.set_position((round(x, 6), round(y, 6), round(width, 6), round(height, 6)))
 
 
 def plan_view(axes: Axes, circle: Circle | None = None) -> None:
