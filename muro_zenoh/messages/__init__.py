@@ -1,0 +1,90 @@
+"""Every message on the bus, and the codec.
+
+On the wire a message is a MessagePack map, so that any language can join in. Every one has ``stamp`` (seconds since
+1970), ``seq`` and ``epoch`` (random per process start; ``seq`` is compared within one epoch only). SI units, radians
+in (-pi, pi], right-handed world frame (REP 103).
+"""
+
+from muro_zenoh.messages.base import (
+    Covariance,
+    Message,
+    Name,
+    Value,
+)
+from muro_zenoh.messages.codec import (
+    VERSION,
+    check_encoding,
+    decode,
+    decoder,
+    encode,
+    encoding_of,
+)
+from muro_zenoh.messages.orders import (
+    Ack,
+    Behaviour,
+    Circle,
+    Clear,
+    Goal,
+    Health,
+    Reply,
+    Resume,
+    SetBehaviour,
+    SetCircle,
+    Stop,
+    StopOrder,
+)
+from muro_zenoh.messages.telemetry import (
+    BaseState,
+    Calibration,
+    Cell,
+    Estimate,
+    FleetSnapshot,
+    Frame,
+    Odometry,
+    Path,
+    PoseFix,
+    RobotState,
+    RobotStatus,
+    SpeedReference,
+    Truth,
+    VelocityCommand,
+)
+
+__all__ = [
+    "VERSION",
+    "Ack",
+    "BaseState",
+    "Behaviour",
+    "Calibration",
+    "Cell",
+    "Circle",
+    "Clear",
+    "Covariance",
+    "Estimate",
+    "FleetSnapshot",
+    "Frame",
+    "Goal",
+    "Health",
+    "Message",
+    "Name",
+    "Odometry",
+    "Path",
+    "PoseFix",
+    "Reply",
+    "Resume",
+    "RobotState",
+    "RobotStatus",
+    "SetBehaviour",
+    "SetCircle",
+    "SpeedReference",
+    "Stop",
+    "StopOrder",
+    "Truth",
+    "Value",
+    "VelocityCommand",
+    "check_encoding",
+    "decode",
+    "decoder",
+    "encode",
+    "encoding_of",
+]

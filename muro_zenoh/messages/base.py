@@ -1,0 +1,83 @@
+"""What every message has, and that every number in it is finite."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from operator import attrgetter
+from typing import Annotated, Any, get_args, get_origin
+
+import msgspec
+from msgspec import Meta, Struct
+
+Covariance = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
+"""Nine floats, row-major, of x [m], y [m], theta [rad]."""
+
+Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+"""A robot's, a camera's or a process's name."""
+
+Value = bool | int | float | str | tuple[float | str | tuple[float, ...], ...]
+"""What a behaviour's parameter may be."""
+
+
+class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What every message has. A message whose ``stamp`` is 0 is stamped, and numbered, when it is sent.
+
+    Attributes:
+        stamp: when it was made (a pose fix, an odometry: when it was measured) [s since 1970, the writer's clock].
+        seq: counts a writer's messages on one key from 1.
+        epoch: the writer's process, a number drawn at its start.
+    """
+
+    stamp: float = 0.0
+    seq: Annotated[int, Meta(ge=0)] = 0
+    epoch: Annotated[int, Meta(ge=0)] = 0
+
+    def __post_init__(self) -> None:
+        scalars, vectors, others = _number_fields(type(self))
+        total = sum(scalars(self))
+        for name in vectors:
+            total = sum(getattr(self, name), total)
+        # One sum says it for all numbers; only where it is not finite, the field is looked for.
+        if not math.isfinite(total):
+            others = tuple(field.name for field in msgspec.structs.fields(type(self)))
+        for name in others:
+            _require_finite(name, getattr(self, name))
+
+
+@cache
+def _number_fields(
+    kind: type[Message],
+) -> tuple[Callable[[Message], tuple[float, ...]], tuple[str, ...], tuple[str, ...]]:
+    """A getter of the plain floats, the fields that are tuples of floats, and the others that may hold floats."""
+    types = {field.name: field.type for field in msgspec.structs.fields(kind)}
+    scalars = [name for name, annotation in types.items() if _bare(annotation) is float]
+    vectors = tuple(name for name, annotation in types.items() if _bare(annotation) == tuple[float, ...])
+    others = tuple(
+        name
+        for name, annotation in types.items()
+        if name not in scalars and name not in vectors and _holds_float(annotation)
+    )
+    # Every message has a stamp. Twice, for an attrgetter of one name gives no tuple.
+    return attrgetter(*scalars, "stamp"), vectors, others
+
+
+def _bare(annotation: Any) -> Any:
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def _holds_float(annotation: Any) -> bool:
+    return annotation is float or any(_holds_float(part) for part in get_args(annotation))
+
+
+def _require_finite(field: str, value: Any) -> None:
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{field}: got {value}, expected a finite number")
+    elif isinstance(value, tuple):
+        for item in value:
+            _require_finite(field, item)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            _require_finite(f"{field}.{key}", item)

@@ -1,0 +1,79 @@
+"""From messages to bytes and back.
+
+A value of a wrong type, an unknown or a missing field, NaN and the infinities make a :class:`MessageError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Final, TypeVar
+
+import msgspec
+
+from muro_zenoh.errors import MessageError
+from muro_zenoh.messages.base import Message
+
+VERSION = 1
+"""Version of all message layouts; it stands in the encoding, as in ``application/msgpack;PoseFix.1``."""
+
+M = TypeVar("M", bound=Message)
+
+
+encode: Final[Callable[[Message], bytes]] = msgspec.msgpack.Encoder().encode
+"""The message as a MessagePack map."""
+
+
+def decode(data: bytes, kind: type[M]) -> M:
+    """A message from its bytes.
+
+    Args:
+        data: the bytes.
+        kind: what they should be.
+
+    Raises:
+        MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
+            a number that is not finite, no stamp.
+    """
+    message: M = decoder(kind)(data)
+    return message
+
+
+@cache
+def decoder(kind: type[M]) -> Callable[[bytes], M]:
+    """:func:`decode` for one kind, for who decodes many.
+
+    Args:
+        kind: what the bytes should be.
+    """
+    raw = msgspec.msgpack.Decoder(kind).decode
+
+    def decode_it(data: bytes) -> M:
+        try:
+            message: M = raw(data)
+        except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+            raise MessageError(f"{kind.__name__}: {error}") from error
+        if not message.stamp > 0.0:
+            raise MessageError(f"{kind.__name__}: got stamp {message.stamp!r}, expected seconds since 1970")
+        return message
+
+    return decode_it
+
+
+def encoding_of(kind: type[Message]) -> str:
+    """The Zenoh encoding of a message type, such as ``application/msgpack;PoseFix.1``."""
+    return f"application/msgpack;{kind.__name__}.{VERSION}"
+
+
+def check_encoding(encoding: str | None, kind: type[Message]) -> None:
+    """Refuse bytes that say they are something else. A writer that says nothing is taken at version 1.
+
+    Raises:
+        MessageError: another type, another version, or no MessagePack at all.
+    """
+    if encoding is None or encoding in _UNSAID or encoding == encoding_of(kind):
+        return
+    raise MessageError(f"{kind.__name__}: got encoding {encoding!r}, expected {encoding_of(kind)!r}")
+
+
+_UNSAID = frozenset({"", "zenoh/bytes", "application/octet-stream", "application/msgpack"})

@@ -1,0 +1,127 @@
+"""What is kept, ordered and answered: goals, circle, behaviours, stop, health, and the orders to the base station."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta, field
+
+from muro_zenoh import geometry
+from muro_zenoh.messages.base import Message, Name, Value
+
+
+class Goal(Message, frozen=True, kw_only=True):
+    """Where a robot shall go; ``theta`` may be nil when the heading does not matter."""
+
+    x: float
+    y: float
+    theta: float | None = None
+
+
+class Circle(Message, frozen=True, kw_only=True):
+    """The circle to follow."""
+
+    x: float
+    y: float
+    radius: Annotated[float, Meta(gt=0)]
+    clockwise: bool = False
+    revision: Annotated[int, Meta(ge=0)] = 0
+
+    @property
+    def circle(self) -> geometry.Circle:
+        """As the laws take it."""
+        return geometry.Circle(self.x, self.y, self.radius, self.clockwise)
+
+
+class Behaviour(Message, frozen=True, kw_only=True):
+    """Which behaviour a robot runs: a built-in name or ``module:function``, and its parameters."""
+
+    behaviour: str
+    parameters: dict[str, Value] = field(default_factory=dict)
+    revision: Annotated[int, Meta(ge=0)] = 0
+
+
+class StopOrder(Message, frozen=True, kw_only=True):
+    """The whole state of stop, never a difference: everybody (``all``), or those in ``names``."""
+
+    all: bool
+    names: tuple[Name, ...] = ()
+    revision: Annotated[int, Meta(ge=0)] = 0
+
+
+class Health(Message, frozen=True, kw_only=True):
+    """How a process is, and why it does what it does.
+
+    Attributes:
+        role: ``agent``, ``base``, ``basestation``, ``simulator`` ...
+        state: one word, such as ``driving``, ``holding``, ``stopped``, ``waiting``.
+        reasons: why it is not driving, most important first.
+        numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
+        samples: measurements since the last health by name (``pose_age_s``, ``pose_to_command_s``).
+        stop_latched: a stop is latched here.
+        stop_all: ... and it was an order to everybody.
+        stop_revision: the newest revision of the stop order that was heard here.
+    """
+
+    role: str
+    state: str
+    reasons: tuple[str, ...] = ()
+    numbers: dict[str, float] = field(default_factory=dict)
+    samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    stop_latched: bool = False
+    stop_all: bool = False
+    stop_revision: int = 0
+
+
+class Ack(Message, frozen=True, kw_only=True):
+    """What became of an order, which is named by its ``channel``, ``order_epoch`` and ``order_seq``."""
+
+    channel: str
+    order_epoch: int
+    order_seq: int
+    accepted: bool
+    reason: str = ""
+
+
+class SetCircle(Message, frozen=True, kw_only=True):
+    """An order to the base station: change the circle. What is nil stays as it is."""
+
+    x: float | None = None
+    y: float | None = None
+    radius: Annotated[float, Meta(gt=0)] | None = None
+    clockwise: bool | None = None
+
+
+class SetBehaviour(Message, frozen=True, kw_only=True):
+    """An order to the base station: change the behaviour of ``names`` (none: of every robot)."""
+
+    behaviour: str
+    parameters: dict[str, Value] = field(default_factory=dict)
+    names: tuple[Name, ...] = ()
+
+
+class Stop(Message, frozen=True, kw_only=True):
+    """An order to the base station: stop ``names`` (none: everybody)."""
+
+    names: tuple[Name, ...] = ()
+
+
+class Resume(Message, frozen=True, kw_only=True):
+    """An order to the base station: lift the stop of ``names`` (none: everybody's) up to ``revision``."""
+
+    revision: Annotated[int, Meta(ge=0)]
+    names: tuple[Name, ...] = ()
+
+
+class Clear(Message, frozen=True, kw_only=True):
+    """An order to the base station: the robot was carried away, forget where it was last seen."""
+
+    name: Name
+
+
+class Reply(Message, frozen=True, kw_only=True):
+    """The base station's answer to an order."""
+
+    accepted: bool
+    reason: str = ""
+    revision: int = 0

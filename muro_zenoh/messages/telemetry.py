@@ -1,0 +1,167 @@
+"""What robots, cameras and the base station say of the world: frames, fixes, estimates, commands."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from muro_zenoh import geometry
+from muro_zenoh.messages.base import Covariance, Message, Name
+
+
+class Frame(Message, frozen=True, kw_only=True):
+    """A picture of an overhead camera. ``data`` is a JPEG, or ``width * height`` grey bytes, row by row."""
+
+    width: Annotated[int, Meta(gt=0, le=16384)]
+    height: Annotated[int, Meta(gt=0, le=16384)]
+    format: Literal["jpeg", "grey"]
+    data: bytes
+
+
+class PoseFix(Message, frozen=True, kw_only=True):
+    """Where a camera saw a robot. ``stamp`` is the time of capture."""
+
+    x: float
+    y: float
+    theta: float
+    covariance: Covariance
+    camera: str
+
+    @property
+    def pose(self) -> geometry.Pose2:
+        """The place and heading."""
+        return geometry.Pose2(self.x, self.y, self.theta)
+
+
+class Estimate(Message, frozen=True, kw_only=True):
+    """What the pose filter believes of the moment ``stamp``. ``v`` and ``omega`` are the speeds really driven."""
+
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+    covariance: Covariance
+
+    @property
+    def pose(self) -> geometry.Pose2:
+        """The place and heading."""
+        return geometry.Pose2(self.x, self.y, self.theta)
+
+
+class Calibration(Message, frozen=True, kw_only=True):
+    """A drive calibration (``cal0`` multiplies omega, ``calD`` multiplies v) and its standard deviation."""
+
+    value: float
+    sigma: float
+
+
+RobotStatus = Literal["tracking", "disagrees", "stale", "lost"]
+"""``tracking``: seen now. ``disagrees``: the agent's estimate is not where the cameras see the robot. ``stale``: not
+seen for a moment. ``lost``: not seen for long; it stays an obstacle where it was."""
+
+
+class RobotState(Struct, frozen=True, forbid_unknown_fields=True):
+    """One robot in the snapshot. ``age`` [s] is that of the fix behind ``x``, ``y``, ``theta``."""
+
+    name: Name
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+    age: float
+    state: RobotStatus
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.x + self.y + self.theta + self.v + self.omega + self.age):
+            raise ValueError(f"robot {self.name}: every number must be finite")
+
+    @property
+    def pose(self) -> geometry.Pose2:
+        """The place and heading."""
+        return geometry.Pose2(self.x, self.y, self.theta)
+
+
+class FleetSnapshot(Message, frozen=True, kw_only=True):
+    """All positions, as the cameras see them."""
+
+    robots: tuple[RobotState, ...]
+
+
+class SpeedReference(Message, frozen=True, kw_only=True):
+    """How fast a robot shall go along its path [m/s]."""
+
+    speed: float
+
+
+class VelocityCommand(Message, frozen=True, kw_only=True):
+    """What the wheels shall do: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise, after calibration."""
+
+    v: float
+    omega: float
+
+
+class Path(Message, frozen=True, kw_only=True):
+    """A planned path: a start, and arcs and straights one after the other.
+
+    Attributes:
+        x: where it begins [m, world].
+        y: where it begins [m, world].
+        theta: in which direction [rad].
+        segments: rows ``(length [m], curvature [1/m])``, the curvature positive to the left, 0 straight on.
+        goal_theta: whether the goal asked for the heading at the end; else the heuristic chose it.
+    """
+
+    x: float
+    y: float
+    theta: float
+    segments: tuple[tuple[float, float], ...]
+    goal_theta: bool = False
+
+
+class Cell(Message, frozen=True, kw_only=True):
+    """A robot's Voronoi cell within the arena, and the (density-weighted) centroid that it makes for.
+
+    Attributes:
+        corners: ``(x, y)`` counter-clockwise [m, world]; none for an empty cell.
+        x: of the centroid [m, world].
+        y: of the centroid [m, world].
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    x: float
+    y: float
+
+
+class Odometry(Message, frozen=True, kw_only=True):
+    """What the wheels' encoders say: a pose in a frame of their own, and the twist."""
+
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+
+
+class Truth(Message, frozen=True, kw_only=True):
+    """Where a simulated robot really is. For score sheets only; no task may read it."""
+
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+
+
+class BaseState(Message, frozen=True, kw_only=True):
+    """How a base is. ``battery`` in [0, 1]. ``dead_man``: no fresh command, wheels at zero."""
+
+    battery: float
+    charging: bool
+    bumper: bool
+    cliff: bool
+    wheel_drop: bool
+    dead_man: bool
