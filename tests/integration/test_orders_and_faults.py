@@ -34,9 +34,18 @@ async def fleet(tmp_path: Path) -> AsyncIterator[RealFleet]:
 
 
 async def test_behaviours_of_others(fleet: RealFleet) -> None:
+    await _a_frozen_agent_is_no_runaway(fleet)
     await _a_foreign_program_says_the_speed(fleet)
     await _an_unknown_behaviour_leaves_the_robot_standing(fleet)
     await _the_flock_is_three_processes(fleet)
+
+
+async def _a_frozen_agent_is_no_runaway(fleet: RealFleet) -> None:
+    fleet.process["r1"].send(signal.SIGSTOP)
+    await fleet.until(lambda: fleet.standing("r1"), 5, "the dead-man stops r1")
+    await fleet.throughout(lambda: fleet.standing("r1"), 0.5, "r1 stands")
+    fleet.process["r1"].send(signal.SIGCONT)
+    await fleet.until(lambda: fleet.driving("r1"), 5, "r1 drives again")
 
 
 async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
