@@ -21,7 +21,7 @@ from basestation.localization.markers import TagDetector
 from muro_zenoh import channels
 from muro_zenoh.config import Camera, Scenario, load_scenario
 from muro_zenoh.errors import ConfigError, MessageError
-from muro_zenoh.messages import Clear, FleetSnapshot, Frame, Health, Message, PoseFix, Reply
+from muro_zenoh.messages import Clear, FleetSnapshot, Frame, Health, Message, PoseFix, Reply, Resume
 from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.transport import Bus, Received, open_bus
 
@@ -78,7 +78,7 @@ class Station:
         answer(channels.SET_CIRCLE, lambda order: self._changed(self._kept.set_circle(order), order))
         answer(channels.SET_BEHAVIOUR, lambda order: self._changed(self._kept.set_behaviour(order), order))
         answer(channels.STOP_ORDER, lambda order: self._changed(self._kept.set_stop(order), order))
-        answer(channels.RESUME, lambda order: self._changed(self._kept.resume(order), order))
+        answer(channels.RESUME, lambda order: self._changed(self._resume(order), order))
         answer(channels.CLEAR, self._clear)
         async with asyncio.TaskGroup() as tasks:
             for name, camera in self._scenario.camera.items():
@@ -154,6 +154,15 @@ class Station:
         while True:
             self._publish_kept()
             await asyncio.sleep(_KEPT_PERIOD)
+
+    def _resume(self, order: Resume) -> Reply:
+        if not self._adopted:  # it would lift what an operator stopped meanwhile, unseen
+            return Reply(
+                accepted=False,
+                reason="resume: the base station has just started, and is still hearing what the robots have latched; "
+                "try again in 2 s",
+            )
+        return self._kept.resume(order)
 
     def _publish_kept(self) -> None:
         if not self._adopted:

@@ -78,6 +78,7 @@ class Kept:
         self._scenario = scenario
         self._path = path
         self.state = _load(path) if path is not None and path.exists() else _initial(scenario)
+        self._lifted = self.state.stop_revision  # what was latched before the newest resume is lifted; the rest is not
         missing = {name: _behaviour(scenario, name) for name in scenario.robot if name not in self.state.behaviour}
         if missing:
             self._change(behaviour={**self.state.behaviour, **missing})
@@ -134,7 +135,7 @@ class Kept:
     def set_stop(self, order: Stop) -> Reply:
         """Stop some robots, or everybody. Never refused for a robot that is not in the fleet file."""
         names = tuple(sorted({*self.state.stop_names, *order.names}))
-        self._change_stop(0, self.state.stop_all or not order.names, names)
+        self._add_stop(0, self.state.stop_all or not order.names, names)
         return self._accept()
 
     def resume(self, order: Resume) -> Reply:
@@ -147,14 +148,12 @@ class Kept:
         unknown = self._unknown(order.names)
         if unknown:
             return self._refuse(unknown)
-        if order.names and self.state.stop_all:
-            rest = tuple(sorted({*self._scenario.robots, *self.state.stop_names} - set(order.names)))
-            self._change_stop(order.revision, False, rest)
-        elif order.names:
-            rest = tuple(name for name in self.state.stop_names if name not in order.names)
-            self._change_stop(order.revision, self.state.stop_all, rest)
-        else:
-            self._change_stop(order.revision, False, ())
+        stopped = set(self.state.stop_names)
+        if self.state.stop_all:
+            stopped.update(self._scenario.robots)
+        rest = tuple(sorted(stopped - set(order.names))) if order.names else ()
+        self._keep(self._with_stop(order.revision, False, rest))
+        self._lifted = self.state.stop_revision
         return self._accept()
 
     def adopt(self, name: str, health: Health) -> bool:
@@ -166,28 +165,30 @@ class Kept:
         """
         s = self.state
         heard = health.stop_revision if health.stop_revision <= _MOST_REVISION else s.stop_revision
-        if health.stop_latched and heard >= s.stop_revision:
+        # Latched since the newest resume: other stops that were kept since have not lifted it.
+        if health.stop_latched and heard >= self._lifted:
             already = s.stop_all or (not health.stop_all and name in s.stop_names)
-            if already and heard == s.stop_revision:
+            if already and heard <= s.stop_revision:
                 return False
             names = s.stop_names if health.stop_all else tuple(sorted({*s.stop_names, name}))
-            self._change_stop(heard, s.stop_all or health.stop_all, names)
+            self._add_stop(heard, s.stop_all or health.stop_all, names)
             return True
         if heard > s.stop_revision:
-            self._change_stop(heard, s.stop_all, s.stop_names)
+            self._add_stop(heard, s.stop_all, s.stop_names)
             return True
         return False
 
     # ---- inside
 
-    def _change_stop(self, at_least: int, everybody: bool, names: tuple[str, ...]) -> None:
+    def _add_stop(self, at_least: int, everybody: bool, names: tuple[str, ...]) -> None:
+        self.state = self._with_stop(at_least, everybody, names)  # a stop holds even where the disk is full
+        self._keep(self.state)
+
+    def _with_stop(self, at_least: int, everybody: bool, names: tuple[str, ...]) -> KeptState:
         revision = self._next_revision(at_least)
-        new = msgspec.structs.replace(
+        return msgspec.structs.replace(
             self.state, revision=revision, stop_revision=revision, stop_all=everybody, stop_names=names
         )
-        if everybody or set(names) > set(self.state.stop_names):
-            self.state = new  # a stop holds even where the disk is full
-        self._keep(new)
 
     def _change(self, **fields: object) -> None:
         self._keep(msgspec.structs.replace(self.state, revision=self._next_revision(), **fields))

@@ -11,8 +11,9 @@ class StopLatch:
     """What a robot knows of the stop order. A robot that heard nothing since it started stands still.
 
     A stop is taken from anybody, at any revision. An order of revision 0 is an operator's who has not heard the state
-    either: it stops those that it names and tells nobody else anything. Only a newer revision than the newest heard lifts it: at a tie the
-    stop wins, so the base station's repetition of an old state does not lift an operator's stop that it has not heard.
+    either: it stops those that it names and tells nobody else anything. Only a newer revision than the newest heard
+    lifts it: at a tie the stop wins, so the base station's repetition of an old state does not lift an operator's stop
+    that it has not heard.
 
     Attributes:
         heard: any order was heard.
@@ -37,7 +38,8 @@ class StopLatch:
         """
         newest = max(self.revision, revision)
         if everybody or me in names:
-            return StopLatch(True, True, everybody or self.everybody, newest)
+            # A newer order is the whole state: one that names some is no order to everybody any more.
+            return StopLatch(True, True, everybody or (self.everybody and revision <= self.revision), newest)
         if revision > 0 and (revision > self.revision or not self.heard):
             return StopLatch(True, False, False, newest)
         return StopLatch(self.heard, self.stopped, self.everybody, newest)

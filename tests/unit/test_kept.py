@@ -13,6 +13,7 @@ from basestation.fleet.kept import Kept
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
+from muro_zenoh.safety.stop import StopLatch
 
 
 def scenario(robots: int = 3, **behaviour: object) -> Scenario:
@@ -234,6 +235,37 @@ def test_a_stop_by_name_is_taken_over_from_a_robot() -> None:
     assert not kept.adopt("r1", said(True, revision))
 
 
+def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None:
+    kept = fresh()
+    latches = {name: StopLatch() for name in ("r1", "r2", "r3")}
+
+    def tell() -> None:
+        for name, latch in latches.items():
+            order = kept.stop
+            latches[name] = latch.hear(name, everybody=order.all, names=order.names, revision=order.revision)
+
+    tell()
+    kept.set_stop(Stop())
+    tell()
+    kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
+    tell()
+    for name, latch in latches.items():
+        assert not kept.adopt(name, said(latch.stopped, latch.revision, latch.everybody))
+    assert stopped(kept) == (False, ("r2", "r3"))
+    assert latches["r1"].may_drive
+
+
+def test_a_stop_that_was_kept_meanwhile_does_not_hide_one_that_a_robot_latched_before() -> None:
+    kept = fresh()
+    heard = kept.stop.revision
+    kept.set_stop(Stop(names=("r2",)))  # reaches it before r1 has told of the operator's stop that it heard itself
+    assert kept.adopt("r1", said(True, heard))
+    assert stopped(kept) == (False, ("r1", "r2"))
+    assert kept.stop.revision > heard + 1
+    assert not kept.adopt("r1", said(True, heard))
+    assert not kept.adopt("r2", said(True, heard + 1))
+
+
 def test_a_stop_that_was_lifted_is_not_taken_over_again() -> None:
     kept = fresh()
     kept.set_stop(Stop())
@@ -358,6 +390,20 @@ def test_a_stop_holds_even_where_the_disk_is_full(tmp_path: Path, monkeypatch: p
     with pytest.raises(ConfigError):
         kept.resume(Resume(revision=kept.stop.revision))
     assert stopped(kept) == (True, ("r1",))
+
+
+def test_a_resume_that_cannot_be_kept_lifts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = fresh(tmp_path / "state.json")
+    kept.set_stop(Stop())
+    before = kept.state
+
+    def full(fd: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ConfigError):
+        kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
+    assert kept.state == before
 
 
 @pytest.mark.parametrize(

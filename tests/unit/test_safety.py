@@ -94,6 +94,13 @@ def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
     assert latch.everybody
 
 
+def test_a_newer_order_that_names_some_is_no_order_to_everybody_any_more() -> None:
+    # `muro stop`, then `muro resume r2`: said to be one to everybody, the base station would take it over as that.
+    latch = hear(hear(FREE, 6, everybody=True), 7, "r1", "r3")
+    assert latch.reason == "stop order"
+    assert not latch.everybody
+
+
 @given(orders)
 def test_the_revision_never_falls_and_a_stop_is_always_obeyed(said: list[tuple[int, bool, list[str]]]) -> None:
     latch = StopLatch()

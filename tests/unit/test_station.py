@@ -101,6 +101,20 @@ def test_orders_are_answered_and_published_at_once() -> None:
     run_virtually(main())
 
 
+def test_nothing_is_lifted_before_the_robots_were_heard() -> None:
+    async def main() -> None:
+        async with lab() as there:
+            (await there.join()).announce("agent", "r1")  # alive, and has not said yet what it latched
+            async with station(there):
+                await asyncio.sleep(0.3)
+                refused = await there.bus.ask(channels.RESUME, Resume(revision=9))
+                assert (refused.accepted, "try again" in refused.reason) == (False, True)
+                await asyncio.sleep(1.5)
+                assert (await there.bus.ask(channels.RESUME, Resume(revision=9))).accepted
+
+    run_virtually(main())
+
+
 def test_the_stop_state_waits_for_the_robots_that_are_alive() -> None:
     """Whoever latched a stop while no base station ran must not hear of an older state, and nobody else neither."""
 
