@@ -41,7 +41,8 @@ class Base:
         self._commands = bus.latest(channels.CMD_VEL, name)
         self._odometry = bus.publisher(channels.ODOMETRY, name)
         self._state = bus.publisher(channels.BASE, name)
-        self._newest: Received[VelocityCommand] | None = None
+        self._writer = 0
+        self._contested = -math.inf
         self._expires = -math.inf
         self._dead = True
         self._said: BaseState | None = None
@@ -72,9 +73,14 @@ class Base:
         age = received.age(self._clock.now())
         if age > DEAD_MAN:
             return  # a backlog is no command
-        self._expires = self._clock.now() - age + DEAD_MAN
+        now, command = self._clock.now(), received.message
+        if command.epoch != self._writer:
+            self._change_writer(command.epoch, now)
+        self._expires = now - age + DEAD_MAN
+        if now < self._contested:
+            self._stop()
+            return
         reading = self._wheels.read()
-        command = received.message
         if reading.hazard:
             self._stop()
             return
@@ -82,6 +88,17 @@ class Base:
             self._dead = False
             log.info("%s: commands arrive", self._name)
         self._wheels.command(command.v, command.omega)
+
+    def _change_writer(self, epoch: int, now: float) -> None:
+        """Two that command at once (an agent started twice, a stranger) would drive by turns, and a stop that only one
+        has heard would not hold: while the other's last command is fresh, neither is obeyed."""
+        if now <= self._expires:
+            if now >= self._contested:
+                log.warning(
+                    "%s: two processes command these wheels, which stand: is an agent running twice?", self._name
+                )
+            self._contested = self._expires
+        self._writer = epoch
 
     def _beat(self) -> None:
         reading = self._wheels.read()

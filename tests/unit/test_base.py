@@ -178,6 +178,37 @@ async def test_a_clock_of_the_agents_own_does_not_matter(lab: Lab) -> None:
     assert lab.wheels.now == (0.25, 0.0)
 
 
+async def test_who_is_commanded_by_two_stands(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    async with make_bus(lab.network.link(), clock=lab.clock) as twin:
+        other = twin.publisher(channels.CMD_VEL, "r1")
+        await lab.command(0.2, 0.0)
+        for _ in range(4):  # one has heard a stop, the other has not
+            lab.clock.advance(0.1)
+            other.put(VelocityCommand(v=0.0, omega=0.0))
+            await lab.beat()
+            assert lab.wheels.now == (0.0, 0.0)
+            lab.clock.advance(0.1)
+            told = len(lab.wheels.told)
+            await lab.command(0.2, 0.0)
+            assert set(lab.wheels.told[told:]) == {(0.0, 0.0)}
+    assert [r.message for r in caplog.records if "two processes" in r.message] == [
+        "r1: two processes command these wheels, which stand: is an agent running twice?"
+    ]
+    for _ in range(3):  # one alone is obeyed again
+        lab.clock.advance(0.1)
+        await lab.command(0.2, 0.0)
+    assert lab.wheels.now == (0.2, 0.0)
+
+
+async def test_an_agent_that_starts_again_is_obeyed_when_the_old_ones_command_has_ended(lab: Lab) -> None:
+    await lab.command(0.2, 0.0)
+    lab.clock.advance(DEAD_MAN + 0.01)
+    async with make_bus(lab.network.link(), clock=lab.clock) as again:
+        again.publisher(channels.CMD_VEL, "r1").put(VelocityCommand(v=0.1, omega=0.0))
+        await lab.beat()
+        assert lab.wheels.now == (0.1, 0.0)
+
+
 @pytest.mark.parametrize("hazard", ["bumper", "cliff", "wheel_drop"])
 async def test_a_hazard_stops_the_wheels_at_once_and_as_long_as_it_lasts(lab: Lab, hazard: str) -> None:
     await lab.command(0.2, 0.1)
