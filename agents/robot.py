@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import AsyncIterator, Mapping
 from typing import Any, TypeVar
 
@@ -56,6 +57,17 @@ class Robot:
         self._snapshot = bus.latest(channels.ALL_POSITIONS)
         self._circle = bus.latest(channels.CIRCLE)
         self._publishers: dict[str, Publisher[Any]] = {}
+        self._given_back = False
+
+    def lend(self) -> Robot:
+        """This robot, for one run of a behaviour: what it has left behind when it ended must not drive on."""
+        lent = copy.copy(self)
+        lent._given_back = False
+        return lent
+
+    def give_back(self) -> None:
+        """The run is over: from now on nothing that is said to this one has an effect."""
+        self._given_back = True
 
     def parameters_as(self, kind: type[S]) -> S:
         """The behaviour's parameters, checked.
@@ -134,7 +146,8 @@ class Robot:
             v: forward speed wanted of the body [m/s].
             omega: turning rate wanted of the body [rad/s].
         """
-        self._drive.twist(Twist2(v, omega))
+        if not self._given_back:
+            self._drive.twist(Twist2(v, omega))
 
     def hold(self, reason: str) -> None:
         """Stand still.
@@ -142,7 +155,8 @@ class Robot:
         Args:
             reason: why; the operator sees it.
         """
-        self._drive.hold(reason)
+        if not self._given_back:
+            self._drive.hold(reason)
 
     def velocity(self, speed: float) -> None:
         """Say how fast this robot shall go along its path, as ``muro/velocity/<name>``.
@@ -207,6 +221,8 @@ class Robot:
 
     def _say(self, channel: channels.Channel[M], message: M) -> None:
         """Publish under this robot's name; most robots never need most channels, so they are declared when they do."""
+        if self._given_back:
+            return
         publisher = self._publishers.get(channel.word)
         if publisher is None:
             publisher = self._publishers[channel.word] = self._bus.publisher(channel, self.name)

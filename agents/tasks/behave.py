@@ -13,6 +13,9 @@ from muro_zenoh.transport import Latest
 
 log = logging.getLogger(__name__)
 
+_LEAVES_WITHIN = 1.0
+"""A behaviour that is cancelled is waited for so long [s]; the robot stands meanwhile."""
+
 
 class Behave:
     """The behaviour that runs.
@@ -34,9 +37,11 @@ class Behave:
         """Start the behaviour that is ordered; at another order cancel it and start the next.
 
         A behaviour that cannot be loaded, or refuses its parameters, leaves the robot standing with the reason. One
-        that crashes takes the agent down: the robot stops, and the supervisor starts it anew.
+        that crashes takes the agent down: the robot stops, and the supervisor starts it anew. One that does not leave
+        when it is cancelled, or leaves a task behind, has no say any more.
         """
         running: asyncio.Task[None] | None = None
+        lent = self._robot
         current: tuple[str, object] = ("", None)
         async with asyncio.TaskGroup() as tasks:
             async for order in self._orders:
@@ -44,23 +49,27 @@ class Behave:
                 if wanted == current:
                     continue  # the base station repeats what it keeps
                 current = wanted
-                if running is not None:
-                    await _cancel(running)
                 self._robot.hold("the behaviour is changing")
-                running = tasks.create_task(self._run(order.message), name=order.message.behaviour)
+                if running is not None:
+                    lent.give_back()
+                    await _cancel(running)
+                lent = self._robot.lend()
+                running = tasks.create_task(self._run(lent, order.message), name=order.message.behaviour)
 
-    async def _run(self, order: Behaviour) -> None:
+    async def _run(self, robot: Robot, order: Behaviour) -> None:
         self.name = order.behaviour
-        self._robot.parameters = order.parameters
+        robot.parameters = order.parameters
         log.info("behaviour %s %s", order.behaviour, order.parameters or "")
         try:
-            await load_behaviour(order.behaviour)(self._robot)
+            await load_behaviour(order.behaviour)(robot)
         except* (MuroError, ValueError) as group:  # a behaviour of several tasks raises a group
             error = _first(group)
             log.error("%s", error)
-            self._robot.hold(f"behaviour {order.behaviour}: {error}")
+            robot.hold(f"behaviour {order.behaviour}: {error}")
         else:
-            self._robot.hold(f"behaviour {order.behaviour} has ended")
+            robot.hold(f"behaviour {order.behaviour} has ended")
+        finally:
+            robot.give_back()
 
 
 def _first(group: BaseExceptionGroup[Exception]) -> Exception:
@@ -74,4 +83,10 @@ async def _cancel(task: asyncio.Task[None]) -> None:
     """Cancel a task and wait for its end. Were it awaited itself, its end could not be told from our own cancellation,
     which must not be lost."""
     task.cancel()
-    await asyncio.wait({task})
+    await asyncio.wait({task}, timeout=_LEAVES_WITHIN)
+    if not task.done():
+        log.error(
+            "behaviour %s has not left %g s after it was cancelled: let CancelledError pass; it has no say any more",
+            task.get_name(),
+            _LEAVES_WITHIN,
+        )
