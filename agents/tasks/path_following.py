@@ -71,8 +71,9 @@ async def follow_circle(robot: Robot, law: CircleLaw, default_speed: float | Non
 
 
 def _speed(speeds: Latest[SpeedReference], robot: Robot, default: float | None) -> float | None:
-    """The speed to go, or None when who said one has fallen silent."""
+    """The speed to go, or None when who said one has fallen silent. Backwards the laws lead away from the circle, and
+    out of the arena: who is told to go so stands."""
     said = speeds.get()
     if said is None:
         return default
-    return said.message.speed if said.age(robot.now) <= _STALE else None
+    return max(said.message.speed, 0.0) if said.age(robot.now) <= _STALE else None

@@ -31,7 +31,8 @@ _FASTEST_TURN: Final = 1.0
 
 
 class Destination(NamedTuple):
-    """Where to go: x, y [m, world], and the heading to arrive with [rad], or None when it does not matter."""
+    """Where to go: ``x``, ``y`` [m, world], and ``theta``, the heading to arrive with [rad], None when it does not
+    matter."""
 
     x: float
     y: float
