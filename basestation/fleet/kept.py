@@ -19,9 +19,7 @@ from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Behaviour, Health, Name, Reply, Resume, SetBehaviour, SetCircle, Stop, StopOrder, Value
 from muro_zenoh.messages import Circle as CircleMessage
-
-_MOST_REVISION = 2**53
-"""Whoever says a greater one is not believed: whole numbers above it are not exact in every language."""
+from muro_zenoh.safety.stop import MOST_REVISION
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
@@ -164,7 +162,7 @@ class Kept:
             health: what its agent says.
         """
         s = self.state
-        heard = health.stop_revision if health.stop_revision <= _MOST_REVISION else s.stop_revision
+        heard = health.stop_revision if health.stop_revision <= MOST_REVISION else s.stop_revision
         # Latched since the newest resume: other stops that were kept since have not lifted it.
         if health.stop_latched and heard >= self._lifted:
             already = s.stop_all or (not health.stop_all and name in s.stop_names)
@@ -194,7 +192,7 @@ class Kept:
         self._keep(msgspec.structs.replace(self.state, revision=self._next_revision(), **fields))
 
     def _next_revision(self, at_least: int = 0) -> int:
-        known = at_least if at_least <= _MOST_REVISION else 0
+        known = at_least if at_least <= MOST_REVISION else 0
         return max(self.state.revision, self.state.stop_revision, known) + 1
 
     def _keep(self, new: KeptState) -> None:

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Final
+
+MOST_REVISION: Final = 2**53
+"""Whoever says a greater one is not believed: whole numbers above it are not exact in every language, and no count of
+orders reaches it. Believed, nothing could ever lift the next stop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +41,8 @@ class StopLatch:
             names: the robots that it stops.
             revision: of the order.
         """
+        if revision > MOST_REVISION:
+            revision = 0
         newest = max(self.revision, revision)
         if everybody or me in names:
             # A newer order is the whole state: one that names some is no order to everybody any more.

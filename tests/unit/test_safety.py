@@ -94,6 +94,15 @@ def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
     assert latch.everybody
 
 
+@pytest.mark.parametrize("absurd", [2**53 + 1, 2**64 - 1])
+def test_a_revision_that_no_count_can_reach_stops_but_lifts_nothing_and_is_not_remembered(absurd: int) -> None:
+    assert hear(FREE, absurd) == FREE
+    assert hear(hear(FREE, 6, "r1"), absurd).stopped
+    stopped = hear(FREE, absurd, everybody=True)
+    assert stopped.stopped
+    assert hear(stopped, 6).may_drive  # the base station can lift it
+
+
 def test_a_newer_order_that_names_some_is_no_order_to_everybody_any_more() -> None:
     # `muro stop`, then `muro resume r2`: said to be one to everybody, the base station would take it over as that.
     latch = hear(hear(FREE, 6, everybody=True), 7, "r1", "r3")
