@@ -9,6 +9,7 @@ import argparse
 import asyncio
 import contextlib
 import logging
+import math
 import sys
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from basestation.localization.localizer import Localizer
 from basestation.localization.markers import TagDetector
 from muro_zenoh import channels
 from muro_zenoh.config import Camera, Scenario, load_scenario
-from muro_zenoh.errors import ConfigError, MessageError
+from muro_zenoh.errors import ConfigError, MessageError, TransportError
 from muro_zenoh.messages import Clear, FleetSnapshot, Frame, Health, Message, PoseFix, Reply, Resume
 from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.transport import Bus, Received, open_bus
@@ -30,6 +31,10 @@ log = logging.getLogger(__name__)
 _KEPT_PERIOD = 0.5
 _SNAPSHOT_PERIOD = 0.2
 _HEALTH_PERIOD = 1.0
+
+_RUNNING = "running"
+_RIVAL_GONE = 3.0
+"""Another base station that was silent for so long is gone [s]."""
 
 _ADOPTION = 0.15
 """After a start the robots' health is heard for so long before the stop state goes out [s]: a stop that an operator
@@ -70,6 +75,7 @@ class Station:
         self._frames = 0
         self._bad_frames = 0
         self._heard: set[str] = set()
+        self._rival_at = -math.inf
         self._adopted = False
 
     async def run(self) -> None:
@@ -182,6 +188,8 @@ class Station:
         """Hear what the robots latched: an operator's stop that this process never heard is kept from now on."""
         async for received in self._healths:
             health = received.message
+            if health.role == "basestation" and health.epoch != self._bus.epoch:
+                self._meet(health)
             if health.role != "agent":
                 continue
             try:
@@ -194,6 +202,19 @@ class Station:
                 log.warning("took over the stop state of %s: %s", received.name, self._kept.stop)
                 self._publish_kept()
 
+    def _meet(self, other: Health) -> None:
+        """Another base station speaks. Two would tell the robots different things in turns: who comes later leaves.
+
+        Raises:
+            TransportError: this one has come later.
+        """
+        if not self._adopted and (other.state == _RUNNING or other.epoch < self._bus.epoch):
+            raise TransportError(
+                f"realm {self._bus.realm}: got another base station on this router, expected to be the only one. "
+                "End the other one first, or give this lab a [bus] realm of its own"
+            )
+        self._rival_at = self._bus.clock.now()
+
     # ---- how it is
 
     async def _report(self) -> None:
@@ -201,10 +222,13 @@ class Station:
             alive = self._roster.of("agent")
             missing = [name for name in self._scenario.robots if name not in alive]
             reasons = [f"no agent of {name}" for name in missing]
+            if self._bus.clock.now() - self._rival_at < _RIVAL_GONE:
+                reasons.insert(0, "another base station is running: end one of them")
             for camera, localizer in self._localizers.items():
                 reasons += _complaints(camera, localizer)
+            state = _RUNNING if self._adopted else "starting"
             numbers = {"frames": float(self._frames), "bad_frames": float(self._bad_frames), **self._bus.numbers()}
-            self._health.put(Health(role="basestation", state="running", reasons=tuple(reasons), numbers=numbers))
+            self._health.put(Health(role="basestation", state=state, reasons=tuple(reasons), numbers=numbers))
             await asyncio.sleep(_HEALTH_PERIOD)
 
 

@@ -13,7 +13,7 @@ import pytest
 from basestation.station import Station
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.errors import ConfigError
+from muro_zenoh.errors import ConfigError, TransportError
 from muro_zenoh.messages import Clear, Estimate, Health, Resume, SetBehaviour, SetCircle, Stop
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.virtual_time import VirtualClock, run_virtually
@@ -111,6 +111,40 @@ def test_nothing_is_lifted_before_the_robots_were_heard() -> None:
                 assert (refused.accepted, "try again" in refused.reason) == (False, True)
                 await asyncio.sleep(1.5)
                 assert (await there.bus.ask(channels.RESUME, Resume(revision=9))).accepted
+
+    run_virtually(main())
+
+
+def test_of_two_base_stations_the_second_leaves() -> None:
+    async def main() -> None:
+        async with lab() as there, station(there):
+            health = there.bus.latest(channels.HEALTH, "basestation")
+            await asyncio.sleep(2.5)
+            stops = there.bus.every(channels.STOP)
+            second = asyncio.create_task(Station(await there.join(), LAB, None).run())
+            await asyncio.wait({second}, timeout=0.5)
+            with pytest.raises(ExceptionGroup) as caught:
+                await second
+            assert caught.group_contains(TransportError, match="expected to be the only one")
+            await asyncio.sleep(1.1)
+            assert len({received.message.epoch for received in stops.drain()}) == 1
+            said = health.get()
+            assert said is not None
+            assert "another base station is running: end one of them" in said.message.reasons
+
+    run_virtually(main())
+
+
+def test_of_two_base_stations_that_start_together_one_stays() -> None:
+    async def main() -> None:
+        async with lab() as there:
+            both = [asyncio.create_task(Station(await there.join(), LAB, None).run()) for _ in range(2)]
+            await asyncio.sleep(2.0)
+            assert sorted(task.done() for task in both) == [False, True]
+            for task in both:
+                task.cancel()
+            await asyncio.wait(both)
+            assert any(not task.cancelled() and task.exception() for task in both)
 
     run_virtually(main())
 
