@@ -13,6 +13,7 @@ from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Twist2
 from muro_zenoh.messages import Calibration, Estimate, PoseFix
 from muro_zenoh.transport import Bus, Received
+from muro_zenoh.transport.delay import DelayTracker
 
 log = logging.getLogger(__name__)
 
@@ -45,6 +46,7 @@ class Localize:
         self.arrival = math.nan
         self._clock = bus.clock
         self._latencies = latencies
+        self._ways = {camera: DelayTracker() for camera in latencies}
         self._filter = PoseFilter(limits=WheelLimits(a_max=robot.a_max, alpha_max=robot.alpha_max, brake=robot.brake))
         self._fixes = bus.every(channels.POSE, name)
         self._odometry = bus.every(channels.ODOMETRY, name)
@@ -77,15 +79,24 @@ class Localize:
 
     def _take(self, fix: Received[PoseFix]) -> None:
         self._take_odometry()
-        latency = self._latencies.get(fix.message.camera, 0.0)
-        captured = fix.captured(latency)
         m = fix.message
+        captured = self._captured(fix)
         result = self._filter.fix(captured, m.x, m.y, m.theta, m.covariance)
         if result.accepted:
             self.fixes += 1
             self.pose_ages.append(self._clock.now() - captured)
         if result.restarted:
             log.warning("the fixes have left the track: starting anew at (%.2f, %.2f)", m.x, m.y)
+
+    def _captured(self, fix: Received[PoseFix]) -> float:
+        """When the picture was taken [s, local clock]. Every camera stamps by its own clock and has a latency of its
+        own, though the fixes of all come from one writer: each has its own least difference."""
+        m = fix.message
+        way = self._ways.get(m.camera)
+        if way is None:
+            return fix.captured()
+        way.observe(m.epoch, m.stamp, fix.arrival)
+        return m.stamp + way.least - self._latencies[m.camera]
 
     def _take_odometry(self) -> None:
         for odometry in self._odometry.drain():
