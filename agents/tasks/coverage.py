@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from typing import NamedTuple
 
 from agents.robot import Robot
 from agents.tasks.dubins import DubinsParameters, drive_to_goals
@@ -62,6 +63,7 @@ async def _cover(robot: Robot, parameters: CoverageParameters, density: Density 
     bounds = floor.shrunk(robot.settings.radius)
     told = shown_at = -math.inf
     turn = Round()
+    stood: dict[str, Mean] = {}
     async for _ in robot.estimates():
         snapshot = robot.snapshot
         if snapshot is None or robot.snapshot_age > _STALE:
@@ -71,9 +73,16 @@ async def _cover(robot: Robot, parameters: CoverageParameters, density: Density 
         if now <= told:
             continue
         told = now
-        sites, rest = _sites(robot, snapshot)
-        turn = next_round(now, rest, turn, parameters.hold_time)
-        if not sites or not (turn.due or now - shown_at >= _SHOW_PERIOD):
+        seen, rest = _covering(robot, snapshot)
+        before, turn = turn, next_round(now, rest, turn, parameters.hold_time)
+        if turn.rest_since is None or turn.rest_since != before.rest_since:
+            stood = {}
+        # The noise of one fix would make a robot at the edge of stay_within go in one round or another, for ever.
+        stood = {name: stood.get(name, Mean()).with_(place) for name, place in seen.items()}
+        if robot.name not in stood:
+            continue
+        sites = [stood[robot.name].place, *(mean.place for name, mean in stood.items() if name != robot.name)]
+        if not (turn.due or now - shown_at >= _SHOW_PERIOD):
             continue
         shown_at = now
         x, y = lloyd_goal(0, sites, floor, density)
@@ -82,17 +91,33 @@ async def _cover(robot: Robot, parameters: CoverageParameters, density: Density 
             robot.goal(*bounds.nearest(x, y))
 
 
-def _sites(robot: Robot, snapshot: FleetSnapshot) -> tuple[list[Point], bool]:
-    """Who covers, oneself first, and whether all of them stand; none when oneself is not among them."""
+class Mean(NamedTuple):
+    """The mean of places: their sums [m, world], and how many."""
+
+    x: float = 0.0
+    y: float = 0.0
+    many: int = 0
+
+    def with_(self, place: Point) -> Mean:
+        """With one more."""
+        return Mean(self.x + place[0], self.y + place[1], self.many + 1)
+
+    @property
+    def place(self) -> Point:
+        """The mean [m, world]."""
+        return self.x / self.many, self.y / self.many
+
+
+def _covering(robot: Robot, snapshot: FleetSnapshot) -> tuple[dict[str, Point], bool]:
+    """Who covers, and where, and whether all of them stand."""
     stopped = robot.stopped
-    own: list[Point] = []
-    others: list[Point] = []
+    places: dict[str, Point] = {}
     rest = True
     for one in snapshot.robots:
         if one.state in ("tracking", "disagrees") and one.name not in stopped:
-            (own if one.name == robot.name else others).append((one.x, one.y))
+            places[one.name] = (one.x, one.y)
             rest = rest and abs(one.v) < _REST and abs(one.omega) < _REST_TURNING
-    return (own + others if own else []), rest
+    return places, rest
 
 
 def _row(peak: tuple[float, ...]) -> tuple[float, float, float, float]:

@@ -1,0 +1,142 @@
+"""Real agents that go to goals, on the in-memory bus in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from muro_zenoh import channels
+from muro_zenoh.cli.score_floor import Deployment, score_deployment
+from muro_zenoh.cli.score_goals import Body
+from muro_zenoh.messages import Ack, Goal, Path
+from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.transport import Every, Publisher
+from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+from tests.support.virtual_time import run_virtually
+
+Test = Callable[[], Coroutine[Any, Any, None]]
+
+
+def virtual(test: Test) -> Callable[[], None]:
+    """A test that runs in virtual time."""
+
+    def run() -> None:
+        run_virtually(test())
+
+    run.__name__, run.__doc__ = test.__name__, test.__doc__
+    return run
+
+
+def distance(fleet: MemoryFleet, x: float, y: float, robot: int = 0) -> float:
+    """True distance of a robot from a place [m]."""
+    return math.hypot(fleet.plant.pose[robot, 0] - x, fleet.plant.pose[robot, 1] - y)
+
+
+def stands_at(fleet: MemoryFleet, x: float, y: float) -> Callable[[], bool]:
+    """Whether the first robot stands at a place."""
+    return lambda: distance(fleet, x, y) < 0.05 and abs(fleet.plant.twist[0]).max() < 0.01
+
+
+async def order(fleet: MemoryFleet, out: Publisher[Goal], answers: Every[Ack], goal: Goal) -> Ack:
+    """The answer to a goal."""
+    sent = out.put(goal)
+    async with asyncio.timeout(1.0):
+        async for received in answers:
+            if received.message.order_seq == sent.seq:
+                return received.message
+    raise AssertionError("no answer")
+
+
+@virtual
+async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
+    async with memory_fleet(scenario(1, "dubins")) as fleet:
+        operator = await fleet.bus()
+        out, answers = operator.publisher(channels.GOAL, "r1"), operator.every(channels.ACK, "r1")
+        paths = operator.every(channels.PATH, "r1")
+        await fleet.until(lambda: fleet.holds("r1", "no goal"), 3, "it waits for a goal")
+        assert (await order(fleet, out, answers, Goal(x=0.8, y=0.5, theta=1.0))).accepted
+        await fleet.until(lambda: bool(fleet.driving), 1, "it drives")
+        await asyncio.sleep(1.0)
+        # The goal moves; then one is refused, and the robot goes on.
+        assert (await order(fleet, out, answers, Goal(x=-0.6, y=-0.4, theta=-2.0))).accepted
+        refusal = await order(fleet, out, answers, Goal(x=-0.6, y=-1.4))
+        assert not refusal.accepted
+        assert "outside the arena" in refusal.reason
+        # It would have to come out of the corner.
+        refusal = await order(fleet, out, answers, Goal(x=1.92, y=1.32, theta=-2.4))
+        assert not refusal.accepted
+        assert "leaves the arena" in refusal.reason
+        await fleet.until(stands_at(fleet, -0.6, -0.4), 40, "it is at the goal that moved")
+        await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "and says so")
+        assert abs(math.remainder(fleet.plant.pose[0, 2] + 2.0, math.tau)) < 0.17
+        shown: list[Path] = [received.message for received in paths.drain()]
+        assert len(shown) >= 2
+        assert shown[-1].goal_theta
+
+
+@virtual
+async def test_who_is_carried_away_plans_anew() -> None:
+    async with memory_fleet(scenario(1, "dubins", goals=((1.2, 0.7),))) as fleet:
+        await fleet.until(lambda: bool(fleet.driving), 3, "it drives")
+        await asyncio.sleep(1.0)
+        fleet.plant.place(0, -1.0, -0.6, 0.5)
+        await fleet.until(stands_at(fleet, 1.2, 0.7), 60, "it is at the goal")
+
+
+@virtual
+async def test_a_goal_of_the_list_that_cannot_be_reached_is_said_and_the_next_gone_to() -> None:
+    goals = ((1.92, 1.32, -2.4), (0.5, 0.3))
+    async with memory_fleet(scenario(1, "dubins", goals=goals, pause=1.0)) as fleet:
+        await fleet.until(lambda: fleet.holds("r1", "goal (1.92, 1.32) given up: path from"), 3, "it says why")
+        await fleet.until(stands_at(fleet, 0.5, 0.3), 60, "it is at the next")
+
+
+@virtual
+async def test_a_robot_that_faces_a_wall_comes_away() -> None:
+    async with memory_fleet(scenario(1, "dubins", goals=((0.0, 0.3),)), agents=False) as fleet:
+        fleet.plant.place(0, 1.9, 0.0, 0.1)
+        await fleet.start_agent("r1")
+        await fleet.until(stands_at(fleet, 0.0, 0.3), 60, "it is at the goal")
+        assert fleet.plant.pose[0, 0] < 0.1
+
+
+@virtual
+async def test_steer_goes_to_its_goals_one_after_the_other_and_waits() -> None:
+    goals = ((0.9, 0.5), (-0.8, 0.2))
+    async with memory_fleet(scenario(1, "steer", goals=goals, pause=1.0)) as fleet:
+        await fleet.until(stands_at(fleet, 0.9, 0.5), 30, "the first")
+        await fleet.until(lambda: fleet.holds("r1", "at goal 1, waiting"), 2, "it waits")
+        await fleet.until(stands_at(fleet, -0.8, 0.2), 30, "the second")
+        await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "all")
+
+
+@virtual
+async def test_coverage_comes_to_rest_at_the_centroids_in_rounds_of_all() -> None:
+    lab = scenario(4, "coverage", hold_time=1.0, stay_within=0.025, turning_radius=0.1, v_min=0.1)
+    async with memory_fleet(lab, seed=2) as fleet:
+        watcher = await fleet.bus()
+        goals = watcher.every(channels.GOAL, "*", depth=1000)
+        seen: list[tuple[float, dict[str, Body]]] = []
+        for k in range(1200):
+            await asyncio.sleep(0.1)
+            rows = zip(lab.robots, fleet.plant.pose.tolist(), fleet.plant.twist.tolist(), strict=True)
+            seen.append((k / 10, {name: Body(*pose, *twist) for name, pose, twist in rows}))
+        a = lab.arena
+        found = score_deployment(Deployment(Bounds(a.x_min, a.x_max, a.y_min, a.y_max), None, 1.0), seen, 4)
+        assert found.rounds > 3
+        assert found.distance is not None
+        assert found.distance <= 0.03
+        assert found.gain is not None
+        assert found.gain < 0.02
+        assert found.rise is not None
+        assert found.rise <= 0.02
+        # A round begins for all that go at the same snapshot.
+        times = sorted(received.message.stamp for received in goals.drain())
+        begun = [times[0]]
+        for t in times:
+            assert t - begun[-1] < 0.02 or t - begun[-1] > 1.0
+            if t - begun[-1] > 1.0:
+                begun.append(t)
+        assert len(begun) >= found.rounds - 2
