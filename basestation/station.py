@@ -74,6 +74,7 @@ class Station:
         self._snapshot_at = 0.0
         self._frames = 0
         self._bad_frames = 0
+        self._pictures: dict[str, bytes] = {}
         self._heard: set[str] = set()
         self._rival_at = -math.inf
         self._adopted = False
@@ -116,6 +117,10 @@ class Station:
     def _locate(self, name: str, camera: Camera, localizer: Localizer, frame: Received[Frame]) -> None:
         m = frame.message
         self._frames += 1
+        if m.data == self._pictures.get(name):
+            # No sensor gives the same bytes twice. The stamps are new; the places in it are not.
+            raise MessageError("got the same picture as before, expected a new one: is the camera stuck?")
+        self._pictures[name] = m.data
         captured = frame.captured(camera.latency)
         for sighting in localizer.locate(decode_frame(m.format, m.width, m.height, m.data)):
             x, y, theta = sighting.pose

@@ -235,7 +235,8 @@ class Simulation(Section, frozen=True, kw_only=True):
         drive_error: each robot's wheels do up to this fraction more or less than they say.
         lag: time constant of the wheels [s].
         slip: standard deviation of the distance really driven [m/sqrt(m)] and of the angle turned.
-        image_noise: of the camera's grey values, standard deviation [0..255].
+        image_noise: of the camera's grey values, standard deviation [0..255]. Not 0: pictures that are alike to the
+            last bit are those of a camera that is stuck.
         image_blur: of the camera, standard deviation [px].
         camera_latency: from capture to sending [s].
     """
@@ -243,7 +244,7 @@ class Simulation(Section, frozen=True, kw_only=True):
     drive_error: Annotated[float, Meta(ge=0, le=0.3)] = 0.2
     lag: Positive = 0.1
     slip: Annotated[float, Meta(ge=0, le=0.5)] = 0.005
-    image_noise: Annotated[float, Meta(ge=0, le=64)] = 3.0
+    image_noise: Annotated[float, Meta(ge=0.5, le=64)] = 3.0
     image_blur: Annotated[float, Meta(ge=0, le=5)] = 0.6
     camera_latency: NotNegative = 0.05
 

@@ -8,13 +8,15 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from basestation.station import Station
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError, TransportError
-from muro_zenoh.messages import Clear, Estimate, Health, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.messages import Clear, Estimate, Frame, Health, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.virtual_time import VirtualClock, run_virtually
 
@@ -275,6 +277,34 @@ def test_a_full_disk_refuses_an_order_with_the_reason_and_stops_all_the_same(
             assert said.message.names == ("r1", "r2")
             # ... and it goes on.
             assert (await there.bus.ask(channels.CLEAR, Clear(name="r2"))).reason == "robot r2 was never seen"
+
+    run_virtually(main())
+
+
+def test_a_camera_that_is_stuck_tells_no_places(caplog: pytest.LogCaptureFixture) -> None:
+    lab_seen = parse_scenario({"robots": 1, "camera": {"north": {}}}, "lab.toml", name="lab")
+    camera = OverheadCamera.from_views(1280, 720, lab_seen.camera["north"].views(lab_seen.arena), noise=3.0)
+    robot = lab_seen.robot["r1"]
+    rng = np.random.default_rng(1)
+
+    def picture() -> Frame:
+        grey = camera.render(np.array([[0.3, 0.1, 0.2]]), [robot.mount], [robot.radius], rng)
+        return Frame(width=1280, height=720, format="grey", data=grey.tobytes())
+
+    async def main() -> None:
+        async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
+            task = asyncio.create_task(Station(bus, lab_seen, None).run())
+            fixes = there.bus.every(channels.POSE, "r1")
+            frames = there.bus.publisher(channels.CAMERA, "north")
+            await asyncio.sleep(0.1)
+            stuck = picture()
+            for frame in (stuck, stuck, stuck, picture(), stuck):
+                frames.put(frame)
+                await asyncio.sleep(0.05)
+            assert len(fixes.drain()) == 3  # the first, the new one, and one that is not like the one before
+            assert [r.message for r in caplog.records if "is the camera stuck?" in r.message] != []
+            task.cancel()
+            await asyncio.wait({task})
 
     run_virtually(main())
 
