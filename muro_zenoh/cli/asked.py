@@ -9,7 +9,7 @@ from muro_zenoh.cli.score_floor import Deployment
 from muro_zenoh.config import Scenario, parameters_as
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.planning.arena import Bounds
+from muro_zenoh.planning.bounds import Bounds
 
 
 class Asked(NamedTuple):
