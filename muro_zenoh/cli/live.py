@@ -14,6 +14,9 @@ from muro_zenoh.cli.score import Calibrated, radius_error, spacing_error
 from muro_zenoh.config import Scenario
 from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
 
+_NO_CIRCLE = ("dubins", "coverage", "steer")
+"""Scenarios whose robots have nothing to do with the circle."""
+
 _LINE_PERIOD = 5.0
 """Seconds between two plain lines."""
 
@@ -85,6 +88,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         restarts: of processes.
     """
     sample = collector.latest
+    circling = scenario.behaviour.name not in _NO_CIRCLE
     gaps = gaps_ahead(dict(sample.places), sample.circle)
     rows = []
     for name in scenario.robots:
@@ -97,13 +101,13 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
                 health.state if health is not None else "-",
                 ", ".join(health.reasons) if health is not None else "not heard yet",
                 statistics.median(ages) if ages else None,
-                radius_error(place, sample.circle) if place is not None else None,
-                gaps.get(name),
+                radius_error(place, sample.circle) if place is not None and circling else None,
+                gaps.get(name) if circling else None,
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
             )
         )
-    everybody = len(sample.places) == len(scenario.robots)
+    everybody = circling and len(sample.places) == len(scenario.robots)
     return View(
         collector.elapsed,
         scenario.duration,
