@@ -14,14 +14,22 @@ class Clock(Protocol):
         ...
 
 
+def _steady() -> float:
+    """Seconds that only ever grow; on Linux they go on while the machine is suspended, and so do the ages they give."""
+    return time.clock_gettime(_CLOCK)
+
+
+_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+
+
 class SystemClock:
-    """The wall clock as it was at the start, plus the monotonic clock since: a step of NTP does not disturb it."""
+    """The wall clock as it was at the start, plus a steady clock since: a step of NTP does not disturb it."""
 
     __slots__ = ("_offset",)
 
     def __init__(self) -> None:
-        self._offset = time.time() - time.monotonic()
+        self._offset = time.time() - _steady()
 
     def now(self) -> float:
         """Seconds since 1970."""
-        return self._offset + time.monotonic()
+        return self._offset + _steady()

@@ -11,6 +11,8 @@ import gc
 import logging
 import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -28,6 +30,9 @@ BEHAVIOURS = "MURO_BEHAVIOURS"
 sets it to the scenario file's own. They come last, so that nothing in them hides a module of ours."""
 
 OK, FAILED, WRONG_USE = 0, 1, 2
+
+_GRACE = 3.0
+"""A process whose supervisor is gone has so long to leave by itself [s]."""
 
 
 def run_process(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> int:
@@ -81,32 +86,25 @@ async def _until_told(main: Coroutine[Any, Any, int | None]) -> int:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, leave, number.name)
-    lifeline = _lifeline()
-    if lifeline is not None:
-        loop.add_reader(lifeline, _on_lifeline, lifeline, leave)
+    if LIFELINE in os.environ:
+        lifeline = int(os.environ[LIFELINE])
+        threading.Thread(target=_hold, args=(lifeline, loop, leave), name="lifeline", daemon=True).start()
     try:
         return await task or OK
     except asyncio.CancelledError:
         if not told:
             raise
         return OK
-    finally:
-        if lifeline is not None:
-            loop.remove_reader(lifeline)
 
 
-def _lifeline() -> int | None:
-    number = os.environ.get(LIFELINE)
-    if number is None:
-        return None
-    os.set_blocking(int(number), False)
-    return int(number)
-
-
-def _on_lifeline(lifeline: int, leave: Callable[[str], None]) -> None:
-    with contextlib.suppress(BlockingIOError):
-        if os.read(lifeline, 1) == b"":
-            leave("the supervisor is gone")
+def _hold(lifeline: int, loop: asyncio.AbstractEventLoop, leave: Callable[[str], None]) -> None:
+    """Wait for the lifeline's end, in a thread: a behaviour that blocks the loop must not outlive `muro run`."""
+    while os.read(lifeline, 1):
+        pass
+    with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+        loop.call_soon_threadsafe(leave, "the supervisor is gone")
+    time.sleep(_GRACE)
+    os._exit(FAILED)
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:

@@ -35,13 +35,13 @@ def test_silence_does_not_make_it_forget() -> None:
     assert tracker.observe(1, 1.0, 600.0) == pytest.approx(599.0)
 
 
-def test_a_way_that_grew_longer_for_good_is_normal_after_a_minute() -> None:
+def test_a_way_that_grew_longer_stays_late_and_never_becomes_the_measure() -> None:
+    # A radio link whose buffers have filled: every pose two seconds old, for ten minutes.
     tracker = DelayTracker()
-    delays = [tracker.observe(1, 0.1 * i, 0.1 * i + (0.0 if i < 100 else 0.5)) for i in range(1500)]
-    assert delays[100] == pytest.approx(0.5)
-    assert delays[-1] == pytest.approx(0.0)
-    grown = next(i for i in range(100, 1500) if delays[i] < 1e-6)
-    assert 30.0 <= 0.1 * (grown - 100) <= 61.0
+    delays = [tracker.observe(1, 0.1 * i, 0.1 * i + (0.0 if i < 100 else 2.0)) for i in range(6000)]
+    assert delays[100] == pytest.approx(2.0)
+    assert delays[-1] > 1.3
+    assert min(delays[100:]) == delays[-1]  # it gives way no faster than clocks drift
 
 
 def test_a_drifting_clock_is_followed() -> None:
