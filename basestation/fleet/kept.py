@@ -14,7 +14,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta, Struct
 
-from muro_zenoh.config import Arena, Scenario
+from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Behaviour, Health, Name, Reply, Resume, SetBehaviour, SetCircle, Stop, StopOrder, Value
@@ -77,6 +77,10 @@ class Kept:
         self._path = path
         self.state = _load(path) if path is not None and path.exists() else _initial(scenario)
         self._lifted = self.state.stop_revision  # what was latched before the newest resume is lifted; the rest is not
+        kept, fresh = self.circle.circle, scenario.circle
+        if kept.radius > self._room_for(kept) and kept != fresh.circle:
+            log.warning("the kept circle %s does not fit into this arena: taking the scenario's %s", kept, fresh.circle)
+            self._change(x=fresh.x, y=fresh.y, radius=fresh.radius, clockwise=fresh.clockwise)
         missing = {name: _behaviour(scenario, name) for name in scenario.robot if name not in self.state.behaviour}
         if missing:
             self._change(behaviour={**self.state.behaviour, **missing})
@@ -110,12 +114,11 @@ class Kept:
             s.radius if order.radius is None else order.radius,
             s.clockwise if order.clockwise is None else order.clockwise,
         )
-        body = max(robot.radius for robot in self._scenario.robot.values())
-        room = _room(self._scenario.arena, new) - body
+        room = self._room_for(new)
         if new.radius > room:
             return self._refuse(
                 f"circle: got {new.radius:g} m round ({new.x:g}, {new.y:g}), expected at most {max(room, 0.0):g} m "
-                f"there, so that robots of {body:g} m radius stay inside the arena"
+                "there, so that the robots stay inside the arena"
             )
         self._change(x=new.x, y=new.y, radius=new.radius, clockwise=new.clockwise)
         return self._accept()
@@ -178,6 +181,12 @@ class Kept:
 
     # ---- inside
 
+    def _room_for(self, circle: Circle) -> float:
+        """The largest radius [m] round a circle's centre on which every robot stays inside the arena."""
+        a = self._scenario.arena
+        edge = min(circle.x - a.x_min, a.x_max - circle.x, circle.y - a.y_min, a.y_max - circle.y)
+        return edge - max(robot.radius for robot in self._scenario.robot.values())
+
     def _add_stop(self, at_least: int, everybody: bool, names: tuple[str, ...]) -> None:
         self.state = self._with_stop(at_least, everybody, names)  # a stop holds even where the disk is full
         self._keep(self.state)
@@ -221,10 +230,6 @@ def _initial(scenario: Scenario) -> KeptState:
     c = scenario.circle
     behaviours = {name: _behaviour(scenario, name) for name in scenario.robot}
     return KeptState(x=c.x, y=c.y, radius=c.radius, clockwise=c.clockwise, behaviour=behaviours)
-
-
-def _room(arena: Arena, circle: Circle) -> float:
-    return min(circle.x - arena.x_min, arena.x_max - circle.x, circle.y - arena.y_min, arena.y_max - circle.y)
 
 
 def _load(path: Path) -> KeptState:
