@@ -6,6 +6,7 @@ Every change goes through here, raises the revision, and is on the disk before i
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +21,8 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Behaviour, Health, Name, Reply, Resume, SetBehaviour, SetCircle, Stop, StopOrder, Value
 from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.safety.stop import MOST_REVISION
+
+log = logging.getLogger(__name__)
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):

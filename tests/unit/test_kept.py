@@ -48,6 +48,14 @@ def test_it_begins_as_the_scenario_says() -> None:
 # ---- the circle
 
 
+def test_a_kept_circle_that_does_not_fit_a_smaller_arena_is_not_taken_over(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    assert fresh(path).set_circle(SetCircle(radius=1.2)).accepted
+    assert fresh(path).circle.radius == 1.2
+    table = {"robots": 3, "arena": {"y_min": -1.1, "y_max": 1.1}, "circle": {"radius": 0.7}}
+    assert Kept(parse_scenario(table, "lab.toml", name="lab"), path).circle.radius == 0.7
+
+
 @pytest.mark.parametrize(
     ("order", "expected"),
     [
