@@ -61,6 +61,7 @@ async def _cover(robot: Robot, parameters: CoverageParameters, density: Density 
     """
     floor = robot.arena
     bounds = floor.shrunk(robot.settings.radius)
+    epoch = -1
     told = shown_at = -math.inf
     turn = Round()
     stood: dict[str, Mean] = {}
@@ -70,6 +71,8 @@ async def _cover(robot: Robot, parameters: CoverageParameters, density: Density 
             turn = Round()
             continue
         now = snapshot.stamp
+        if snapshot.epoch != epoch:  # a base station that starts again may have a clock that is behind
+            epoch, told, shown_at, turn = snapshot.epoch, -math.inf, -math.inf, Round()
         if now <= told:
             continue
         told = now

@@ -101,6 +101,7 @@ async def drive_to_goals(robot: Robot, parameters: DubinsParameters, idle: str =
                     ride = set_out(estimate.pose, destination, v, settings)
                 except PlanningError as error:
                     goals.give_up(str(error))
+                    robot.hold(goals.waiting)
                     continue
                 goals.set_out()
                 robot.show_path(ride.path, goal.theta is not None)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from muro_zenoh import channels
-from muro_zenoh.cli.asked import asked_of
+from muro_zenoh.cli.expectations import asked_of
 from muro_zenoh.cli.score import RADIUS_BAND, SAMPLE_PERIOD, Calibrated, Observed, Sample, radius_error
 from muro_zenoh.cli.score_goals import Body, Planned
 from muro_zenoh.config import Scenario

@@ -76,7 +76,7 @@ def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> N
     It takes goals while it runs the behaviour dubins or steer (which looks at no heading). The exit code is 0 when it
     has accepted, 1 when it refuses, with its reason, or does not answer.
     """
-    from muro_zenoh.cli.going import send_goal
+    from muro_zenoh.cli.goal_order import send_goal
 
     _check_names((name,))
     for what, value in (("X", x), ("Y", y), ("THETA", theta)):

@@ -23,7 +23,7 @@ LONGEST_ARC = 0.05 + 1e-9
 """Knots are gathered into arcs of at most this length [s]."""
 
 _INSTANT = 1e-9
-_DEAD_MAN = 0.5
+_SILENCE = 0.5
 """Of a silence longer than this the wheels stood still in the rest: the base's dead-man has stopped them [s]."""
 _MOST_KNOTS = 512
 _MOST_COMMANDS = 64
@@ -134,7 +134,7 @@ class WheelTrack:
                     part = (end - t) / (t1 - t)
                     t1, v1, omega1 = end, v + part * (v1 - v), omega + part * (omega1 - omega)
                 dt = t1 - t
-                driven = 0.5 * min(dt, _DEAD_MAN)
+                driven = 0.5 * min(dt, _SILENCE)
                 if span + dt > LONGEST_ARC and span > 0.0:
                     arcs.append((way / span, angle / span, span))
                     way = angle = span = 0.0

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from muro_zenoh.cli.asked import asked_of
+from muro_zenoh.cli.expectations import asked_of
 from muro_zenoh.cli.launch import find_scenario
 from muro_zenoh.cli.score_floor import BINS, Deployment, density_error, score_deployment
 from muro_zenoh.cli.score_goals import Body, Moment, Planned, score_goals, score_tracking, stands
