@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from agents.tasks.drive import Drive
 from agents.tasks.localize import Localize
 from muro_zenoh import channels, config
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Circle, Pose2, Twist2, advance
 from muro_zenoh.messages import Ack, Cell, Estimate, FleetSnapshot, Goal, Message, RobotState, SpeedReference, Value
 from muro_zenoh.messages import Path as PathMessage
@@ -26,6 +27,10 @@ from muro_zenoh.transport import Bus, Every, Latest, Publisher
 
 S = TypeVar("S", bound=config.Section)
 M = TypeVar("M", bound=Message)
+
+
+WHEEL_LAG = WheelLimits().lag
+"""A law is evaluated where the robot will be when its wheels obey [s]."""
 
 
 class Robot:
@@ -89,11 +94,11 @@ class Robot:
         finally:
             inbox.close()
 
-    def ahead(self, dt: float) -> Pose2 | None:
+    def ahead(self, dt: float = WHEEL_LAG) -> Pose2 | None:
         """Where this robot will be at the speeds of its newest estimate, or None when there is no estimate.
 
         Args:
-            dt: how far ahead of the estimate [s].
+            dt: how far ahead of the estimate [s]; by default the time that the wheels take to obey.
         """
         newest = self._localize.newest
         if newest is None:

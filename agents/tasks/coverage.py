@@ -21,6 +21,9 @@ _REST = 0.01
 _REST_TURNING = 0.1
 """... that turns slower than this [rad/s] stands."""
 
+_OUTSIDE = 1.0
+"""A robot farther outside the arena is not taken into account [m]."""
+
 _SHOW_PERIOD = 1.0
 
 
@@ -112,12 +115,13 @@ class Mean(NamedTuple):
 
 
 def _covering(robot: Robot, snapshot: FleetSnapshot) -> tuple[dict[str, Point], bool]:
-    """Who covers, and where, and whether all of them stand."""
+    """Who covers, and where, and whether all of them stand. One far outside the arena covers nothing in it."""
     stopped = robot.stopped
+    near = robot.arena.shrunk(-_OUTSIDE)
     places: dict[str, Point] = {}
     rest = True
     for one in snapshot.robots:
-        if one.state in ("tracking", "disagrees") and one.name not in stopped:
+        if one.state in ("tracking", "disagrees") and one.name not in stopped and near.holds(one.x, one.y):
             places[one.name] = (one.x, one.y)
             rest = rest and abs(one.v) < _REST and abs(one.omega) < _REST_TURNING
     return places, rest

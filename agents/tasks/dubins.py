@@ -12,9 +12,6 @@ from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.planning.bounds import Bounds
 
-_WHEEL_LAG = 0.1
-"""The law is evaluated where the robot will be when its wheels obey [s]."""
-
 
 class DubinsParameters(GoalParameters, frozen=True, kw_only=True):
     """Parameters of the behaviour ``dubins``.
@@ -105,7 +102,7 @@ async def drive_to_goals(robot: Robot, parameters: DubinsParameters, idle: str =
                     continue
                 goals.set_out()
                 robot.show_path(ride.path, goal.theta is not None)
-            move = ride_on(ride, robot.ahead(_WHEEL_LAG) or estimate.pose, dt, settings)
+            move = ride_on(ride, robot.ahead() or estimate.pose, dt, settings)
             ride, v = (move.ride if move.state == "on" else None), move.twist.v
             if move.state == "arrived":
                 goals.arrived()

@@ -10,9 +10,6 @@ from muro_zenoh.control.circle import CircleLaw, circle_law
 from muro_zenoh.messages import SpeedReference
 from muro_zenoh.transport import Latest
 
-_WHEEL_LAG = 0.1
-"""The law is evaluated where the robot will be when its wheels obey [s]."""
-
 _STALE = channels.VELOCITY.stale_after or 0.0
 
 
@@ -61,7 +58,7 @@ async def follow_circle(robot: Robot, law: CircleLaw, default_speed: float | Non
                 robot.hold("no circle heard yet")
                 continue
             speed = _speed(speeds, robot, default_speed)
-            pose = robot.ahead(_WHEEL_LAG)
+            pose = robot.ahead()
             if speed is None or pose is None:
                 robot.hold("the velocity is silent")
                 continue

@@ -13,9 +13,6 @@ from muro_zenoh.config.sections import Positive
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.geometry import STILL
 
-_WHEEL_LAG = 0.1
-"""The law is evaluated where the robot will be when its wheels obey [s]."""
-
 
 class SteerParameters(GoalParameters, frozen=True, kw_only=True):
     """Parameters of the behaviour ``steer``. A goal's heading is not looked at.
@@ -47,7 +44,7 @@ async def steer(robot: Robot) -> None:
             if goals.current is None:
                 robot.hold(goals.waiting)
                 continue
-            pose = robot.ahead(_WHEEL_LAG) or estimate.pose
+            pose = robot.ahead() or estimate.pose
             twist = law.twist(pose, goals.current.x, goals.current.y)
             if twist == STILL:
                 goals.arrived()
