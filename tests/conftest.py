@@ -2,8 +2,24 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+
+import pytest
 from hypothesis import settings
 
 # A busy machine is no failure: how long an example takes says more of its neighbours than of the law.
 settings.register_profile("muro", deadline=None)
 settings.load_profile("muro")
+
+
+@pytest.fixture(autouse=True)
+def logs_as_they_were() -> Iterator[None]:
+    """Leave the logs as they were: import-linter, for one, silences every logger that there is when it starts."""
+    root = logging.getLogger()
+    level = root.level
+    yield
+    root.setLevel(level)
+    for logger in root.manager.loggerDict.values():
+        if isinstance(logger, logging.Logger):
+            logger.disabled = False
