@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Awaitable, Callable
-from typing import Final
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, Final
 
 from agents.doors import load_function
 from agents.robot import Robot
-from muro_zenoh.errors import BehaviourError
+from muro_zenoh.config import parameters_as
+from muro_zenoh.errors import BehaviourError, ConfigError
 
 BehaviourFunction = Callable[[Robot], Awaitable[None]]
 
@@ -21,6 +22,18 @@ BUILT_IN: Final = {
     "hold": "agents.tasks.hold:hold",
 }
 """Where the built-in behaviours are."""
+
+_PARAMETERS: Final = {
+    "circle": "agents.tasks.path_following:CircleParameters",
+    "pursuit": "agents.tasks.pursuit:PursuitParameters",
+    "dubins": "agents.tasks.dubins:DubinsParameters",
+    "coverage": "agents.tasks.coverage:CoverageParameters",
+    "steer": "agents.tasks.steer:SteerParameters",
+}
+"""What their parameters are."""
+
+_LAWS: Final = ("circle_law", "pursuit_law", "density")
+"""What is made of parameters, and may refuse them."""
 
 
 def load_behaviour(name: str) -> BehaviourFunction:
@@ -40,3 +53,35 @@ def load_behaviour(name: str) -> BehaviourFunction:
     if not inspect.iscoroutinefunction(function) or len(inspect.signature(function).parameters) != 1:
         raise BehaviourError(f"{name!r}: got {function!r}, expected `async def f(robot)`")
     return function
+
+
+def check_behaviour(name: str, parameters: Mapping[str, object], where: str) -> None:
+    """Refuse, before anything starts, what no robot could run.
+
+    Args:
+        name: of the behaviour.
+        parameters: for it; those of a user's own behaviour are its own affair.
+        where: the file or order that names it, for errors.
+
+    Raises:
+        ConfigError: no such behaviour, or a wrong parameter.
+    """
+    try:
+        load_behaviour(name)
+    except BehaviourError as error:
+        raise ConfigError(
+            f"{where}: behaviour.name",
+            got=repr(name),
+            expected=str(error).partition("expected ")[2] or f"one that loads: {error}",
+        ) from None
+    if name not in _PARAMETERS:
+        return
+    kind: Any = load_function(_PARAMETERS[name])
+    checked = parameters_as(kind, parameters, where)
+    for law in _LAWS:
+        try:
+            getattr(checked, law, lambda: None)()
+        except ValueError as error:
+            what, _, rest = str(error).partition(": got ")
+            got, _, expected = rest.partition(", expected ")
+            raise ConfigError(f"{where}: behaviour: {what}", got=got or what, expected=expected or "another") from None

@@ -7,7 +7,7 @@ from muro_zenoh.geometry import wrap_to_pi
 
 async def flock(robot):
     async for me in robot.estimates():
-        x, y = math.cos(me.theta) - 0.8 * me.x, math.sin(me.theta) - 0.8 * me.y
+        x, y = math.cos(me.theta) - 1.5 * me.x, math.sin(me.theta) - 1.5 * me.y
         for other in robot.neighbours:
             dx, dy = other.x - me.x, other.y - me.y
             away = 0.2 / max(dx * dx + dy * dy, 0.01)

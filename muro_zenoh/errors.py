@@ -75,7 +75,10 @@ class MissingExtra(MuroError):  # noqa: N818 - reads as a state, and is one
 
     def __init__(self, extra: str, need: str, package: str) -> None:
         self.extra = extra
-        super().__init__(f"{need}, and {package} is not installed: pip install 'muro-zenoh[{extra}]'")
+        super().__init__(
+            f"{need}, and {package} is not installed: pip install 'muro-zenoh[{extra}]' "
+            f"(in a checkout: .venv/bin/pip install -e '.[{extra}]', or make setup)"
+        )
 
 
 class SupervisionError(MuroError):

@@ -79,6 +79,27 @@ def check_own_packages() -> None:
             )
 
 
+def check_can_run(scenario: Scenario, file: str) -> None:
+    """Refuse a scenario whose robots could only stand.
+
+    Args:
+        scenario: the scenario.
+        file: where it came from, for errors.
+
+    Raises:
+        ConfigError: no camera, no such behaviour, or wrong parameters.
+    """
+    from agents.behaviours import check_behaviour
+
+    behaviour = scenario.behaviour
+    if not scenario.camera and behaviour.name != "hold":
+        raise ConfigError(
+            f"{file}: camera", got="none", expected="a section [camera.<name>]: without poses every robot stands"
+        )
+    for name in scenario.robots:
+        check_behaviour(behaviour.name, scenario.behaviour_of(name).parameters, file)
+
+
 def make_run_folder(scenario: str, root: Path = Path("runs")) -> Path:
     """A new folder ``<root>/<time>-<scenario>``.
 

@@ -48,8 +48,8 @@ async def listen_to(
         tap.close()
 
 
-async def print_rates(bus: Bus, expression: str, seconds: float | None) -> None:
-    """Print once a second how often each key is written to.
+async def print_rates(bus: Bus, expression: str, seconds: float | None) -> int:
+    """Print once a second how often each key is written to; 1 when nothing came at all, else 0.
 
     Args:
         bus: the bus.
@@ -61,6 +61,8 @@ async def print_rates(bus: Bus, expression: str, seconds: float | None) -> None:
     async def report() -> None:
         while True:
             await asyncio.sleep(1.0)
+            if not arrivals:
+                click.echo(f"{time.strftime('%H:%M:%S')} {expression}  nothing")
             _print_rates(arrivals)
 
     reporting = asyncio.create_task(report())
@@ -68,6 +70,7 @@ async def print_rates(bus: Bus, expression: str, seconds: float | None) -> None:
         await listen_to(bus, expression, lambda s: arrivals[s.key].append(s.arrival), seconds, reporting)
     finally:
         reporting.cancel()
+    return 0 if arrivals else 1
 
 
 def _print_rates(arrivals: dict[str, list[float]]) -> None:

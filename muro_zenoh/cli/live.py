@@ -189,13 +189,14 @@ class TableScreen:
         from rich.console import Console
         from rich.live import Live
 
-        self._console = Console()
+        # No markup: what a robot says, and a unit such as [m], is text.
+        self._console = Console(markup=False, highlight=False)
         # No thread of its own: it is drawn when there is something new.
         self._live = Live(console=self._console, auto_refresh=False, transient=False)
 
     def tell(self, text: str) -> None:
         """Say something that happened, above the table."""
-        self._console.print(text, markup=False, highlight=False)
+        self._console.print(text)
 
     def show(self, view: View) -> None:
         """Draw the table."""

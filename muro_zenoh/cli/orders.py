@@ -12,8 +12,11 @@ from muro_zenoh.cli.options import MuroGroup, assignments, bus_options, example
 
 if TYPE_CHECKING:
     from muro_zenoh.config import BusSettings
-    from muro_zenoh.messages import Reply
-    from muro_zenoh.transport import Bus
+    from muro_zenoh.messages import Health, Reply
+    from muro_zenoh.transport import Bus, Every
+
+_MOMENT = 1.5
+"""A robot that cannot run a behaviour has said so by then [s]."""
 
 BusFlags = Callable[..., "BusSettings"]
 
@@ -141,10 +144,32 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
             "parameter", got=str(error), expected="numbers, text, true or false, or an array of them"
         ) from None
 
+    if ":" not in name:  # one's own behaviour may be on the robots only
+        from agents.behaviours import check_behaviour
+
+        check_behaviour(name, values, "muro set behaviour")
+
     async def order(b: Bus) -> int:
-        return _said(await b.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=name, parameters=values, names=robots)))
+        healths = b.every(channels.HEALTH, "*", depth=256)
+        said = _said(await b.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=name, parameters=values, names=robots)))
+        return said or (await _refusals(healths, name) if ":" in name else 0)
 
     on_bus(order, bus())
+
+
+async def _refusals(healths: Every[Health], behaviour: str) -> int:
+    """Print which robots cannot run a behaviour, as they say within a moment; 1 when there are any."""
+    import asyncio
+    import contextlib
+
+    refused: dict[str, str] = {}
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_MOMENT):
+            async for said in healths:
+                reason = next((r for r in said.message.reasons if r.startswith(f"behaviour {behaviour}:")), "")
+                if reason and refused.setdefault(said.name, reason) is reason:
+                    click.echo(f"{said.name}: cannot run it: {reason}")
+    return 1 if refused else 0
 
 
 def _said(reply: Reply) -> int:

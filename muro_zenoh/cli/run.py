@@ -66,7 +66,7 @@ def run(
     2 for wrong settings, 130 when it was interrupted.
     """
     from muro_zenoh.cli.conduct import Order, conduct
-    from muro_zenoh.cli.launch import check_own_packages, find_scenario, make_run_folder
+    from muro_zenoh.cli.launch import check_can_run, check_own_packages, find_scenario, make_run_folder
     from muro_zenoh.cli.options import lay_over
     from muro_zenoh.runtime.process import run_process
 
@@ -77,6 +77,7 @@ def run(
     if connect is not None:
         lay_over(None, {"connect": (connect,)})
     check_own_packages()
+    check_can_run(resolved, Path(scenario).name if scenario.endswith(".toml") else f"{scenario}.toml")
     if report is not None and not os.access(report.parent, os.W_OK):
         raise ConfigError(
             "--report", got=f"{report}, whose folder is not there to write to", expected="a file that can be written"

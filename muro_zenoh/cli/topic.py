@@ -96,13 +96,19 @@ def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> N
     async def main(b: Bus) -> int:
         left = count if count is not None else math.inf
 
+        came = False
+
         def say(sample: Sample) -> bool:
-            nonlocal left
+            nonlocal left, came
+            came = True
             click.echo(f"{sample.key} {shown(sample.payload, sample.encoding)}")
             left -= 1
             return left <= 0
 
         await listen_to(b, expression, say, seconds)
+        if not came:
+            click.echo(f"nothing came on {expression}", err=True)
+            return 1
         return 0
 
     _look(main, settings)
@@ -121,7 +127,6 @@ def hz(key: str, seconds: float | None, bus: BusFlags) -> None:
     expression = full_key(key, settings.realm)
 
     async def main(b: Bus) -> int:
-        await print_rates(b, expression, seconds)
-        return 0
+        return await print_rates(b, expression, seconds)
 
     _look(main, settings)

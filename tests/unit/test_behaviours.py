@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from agents.behaviours import BUILT_IN, load_behaviour
+from agents.behaviours import BUILT_IN, check_behaviour, load_behaviour
 from agents.doors import load_function
-from muro_zenoh.errors import BehaviourError
+from muro_zenoh.errors import BehaviourError, ConfigError
 
 
 @pytest.fixture
@@ -85,3 +85,29 @@ def test_functions_that_settings_name_come_through_a_door_too() -> None:
     assert load_function("math:sqrt")(4.0) == 2.0
     with pytest.raises(BehaviourError, match="got 'sqrt', expected module:function"):
         load_function("sqrt")
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "words"),
+    [
+        ("spiral", {}, ["lab.toml: behaviour.name", "'spiral'", "pursuit"]),
+        ("nomod:fn", {}, ["lab.toml: behaviour.name", "'nomod:fn'", "nomod"]),
+        ("pursuit", {"criuse": 0.2}, ["lab.toml: behaviour.criuse", "cruise"]),
+        ("pursuit", {"cruise": 9.0}, ["lab.toml: behaviour", "v_max", "cruise 9.0"]),
+        ("circle", {"law": "magic"}, ["lab.toml: behaviour", "'magic'", "vector_field"]),
+        ("circle", {"speed": "fast"}, ["lab.toml: behaviour.speed", "'fast'", "[m/s]"]),
+        ("dubins", {"v_min": -1.0}, ["lab.toml: behaviour.v_min", "-1", "above 0"]),
+    ],
+)
+def test_what_no_robot_could_run_is_refused_before_anything_starts(
+    name: str, parameters: dict[str, object], words: list[str]
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        check_behaviour(name, parameters, "lab.toml")
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_every_built_in_behaviour_can_run_as_it_is() -> None:
+    for name in BUILT_IN:
+        check_behaviour(name, {}, "lab.toml")

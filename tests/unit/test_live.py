@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from muro_zenoh.cli.live import PlainScreen, Row, View, line_of, table_of
+from muro_zenoh.cli.live import PlainScreen, Row, TableScreen, View, line_of, table_of
 from muro_zenoh.cli.score import Calibrated
 
 KNOWN = Row("r1", "pursuit", "", 0.0612, 0.0042, 1.257, 33.4, Calibrated(1.051, 0.912, None, None))
@@ -30,6 +30,17 @@ def test_the_line_says_why_robots_do_not_drive() -> None:
     line = line_of(view(rows=[KNOWN, UNKNOWN, HOLDING], radius_error=None, spacing_error=None))
     assert "driving 1/3  from the circle -  spacing error -" in line
     assert line.endswith("restarts 1  r2 r3: not heard yet")
+
+
+def test_the_table_shows_units_and_what_robots_say_as_it_is() -> None:
+    # rich would take [m] for a tag, and a robot's "[/x]" for the end of one: an error that ends the whole run.
+    screen = TableScreen()
+    with screen._console.capture() as shown:
+        screen._console.width = 160
+        screen._console.print(table_of(view(rows=[HOLDING._replace(state="[b]", reasons="see [/x] and [m/s]")])))
+    text = shown.get()
+    for word in ("[ms]", "[m]", "[rad]", "[b]", "see [/x] and [m/s]"):
+        assert word in text
 
 
 def test_the_table_has_a_row_for_each_robot() -> None:
