@@ -22,6 +22,9 @@ class CircleParameters(Section, frozen=True, kw_only=True):
         k_o: gain of the vector field on the radius error [1/m].
         k_h: gain of the vector field on the heading error [1/s].
         psi: gain of the passivity law.
+        radial_size: weight of ``lqr``: the radius error that counts as much as the other two sizes [m].
+        heading_size: weight of ``lqr``: the heading error that counts as much [rad].
+        turn_size: weight of ``lqr``: the turning rate that counts as much [rad/s].
     """
 
     law: str = "vector_field"
@@ -29,10 +32,14 @@ class CircleParameters(Section, frozen=True, kw_only=True):
     k_o: Positive | None = None
     k_h: Positive | None = None
     psi: Positive | None = None
+    radial_size: Positive | None = None
+    heading_size: Positive | None = None
+    turn_size: Positive | None = None
 
     def circle_law(self) -> CircleLaw:
         """The law with the gains that were given."""
-        gains = {"k_o": self.k_o, "k_h": self.k_h, "psi": self.psi}
+        names = ("k_o", "k_h", "psi", "radial_size", "heading_size", "turn_size")
+        gains = {name: getattr(self, name) for name in names}
         return circle_law(self.law, **{name: gain for name, gain in gains.items() if gain is not None})
 
 

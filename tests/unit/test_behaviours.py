@@ -108,6 +108,14 @@ def test_what_no_robot_could_run_is_refused_before_anything_starts(
         assert word in str(refused.value)
 
 
+def test_each_circle_law_takes_its_own_gains_from_the_settings() -> None:
+    check_behaviour("circle", {"law": "lqr", "radial_size": 0.05, "heading_size": 0.3, "turn_size": 1.0}, "lab.toml")
+    check_behaviour("circle", {"law": "passivity", "psi": 0.6}, "lab.toml")
+    check_behaviour("circle", {"k_o": 10.0, "k_h": 2.0}, "lab.toml")
+    with pytest.raises(ConfigError, match="psi"):
+        check_behaviour("circle", {"law": "lqr", "psi": 0.6}, "lab.toml")
+
+
 def test_every_built_in_behaviour_can_run_as_it_is() -> None:
     for name in BUILT_IN:
         check_behaviour(name, {}, "lab.toml")
