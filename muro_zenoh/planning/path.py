@@ -129,7 +129,7 @@ class Path:
             if first > last:
                 continue
             knot = self.knots[k]
-            for part in _nearest(knot, curvature, length, x, y, first, last):
+            for part in _nearest(knot, curvature, x, y, first, last):
                 there = advance(knot, part, part * curvature, 1.0)
                 distance = (there.x - x) ** 2 + (there.y - y) ** 2
                 if distance < nearest:
@@ -152,9 +152,7 @@ class Path:
         return min(xs), max(xs), min(ys), max(ys)
 
 
-def _nearest(
-    knot: Pose2, curvature: float, length: float, x: float, y: float, first: float, last: float
-) -> Sequence[float]:
+def _nearest(knot: Pose2, curvature: float, x: float, y: float, first: float, last: float) -> Sequence[float]:
     """Candidates on a segment, from its start [m], for the point nearest to a place, between first and last."""
     c, s = math.cos(knot.theta), math.sin(knot.theta)
     along, left = c * (x - knot.x) + s * (y - knot.y), c * (y - knot.y) - s * (x - knot.x)
