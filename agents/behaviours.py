@@ -6,8 +6,8 @@ import inspect
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, Final
 
-from agents.doors import load_function
 from agents.robot import Robot
+from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.config import parameters_as
 from muro_zenoh.errors import BehaviourError, ConfigError
 

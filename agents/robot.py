@@ -19,8 +19,18 @@ from agents.tasks.localize import Localize
 from muro_zenoh import channels, config
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Circle, Pose2, Twist2, advance
-from muro_zenoh.messages import Ack, Cell, Estimate, FleetSnapshot, Goal, Message, RobotState, SpeedReference, Value
-from muro_zenoh.messages import Path as PathMessage
+from muro_zenoh.messages import (
+    Ack,
+    Cell,
+    Estimate,
+    FleetSnapshot,
+    Goal,
+    Message,
+    PlannedPath,
+    RobotState,
+    SpeedReference,
+    Value,
+)
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.path import Path
 from muro_zenoh.transport import Bus, Every, Latest, Publisher
@@ -202,7 +212,7 @@ class Robot:
         """
         x, y, theta = path.start
         segments = tuple((segment.length, segment.curvature) for segment in path.segments)
-        self._say(channels.PATH, PathMessage(x=x, y=y, theta=theta, segments=segments, goal_theta=goal_theta))
+        self._say(channels.PATH, PlannedPath(x=x, y=y, theta=theta, segments=segments, goal_theta=goal_theta))
 
     def show_cell(self, corners: tuple[tuple[float, float], ...], x: float, y: float) -> None:
         """Publish a Voronoi cell.

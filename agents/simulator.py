@@ -16,8 +16,7 @@ import numpy as np
 from agents.base.base import run_base
 from agents.base.simulated import Floor, SimulatedWheels
 from muro_zenoh import channels
-from muro_zenoh.config import Camera, Scenario, load_scenario
-from muro_zenoh.estimation.wheel_model import WheelLimits
+from muro_zenoh.config import CameraSettings, Scenario, load_scenario
 from muro_zenoh.messages import Frame, Health, Truth
 from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
@@ -48,7 +47,7 @@ class Room:
         hidden = scenario.simulation
         radii = np.array([robot.radius for robot in robots])
         starts = random_starts(rng, len(robots), scenario.arena.bounds, radii)
-        limits = [WheelLimits(lag=hidden.lag, a_max=r.a_max, alpha_max=r.alpha_max, brake=r.brake) for r in robots]
+        limits = [robot.wheels for robot in robots]
         self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
         self._bus = bus
         self._scenario = scenario
@@ -79,7 +78,7 @@ class Room:
             for publisher, (x, y, theta), (v, omega) in rows:
                 publisher.put(Truth(stamp=stamp, x=x, y=y, theta=theta, v=v, omega=omega))
 
-    async def _film(self, name: str, camera: Camera, seed: int) -> None:
+    async def _film(self, name: str, camera: CameraSettings, seed: int) -> None:
         hidden = self._scenario.simulation
         lens = OverheadCamera.from_views(
             camera.width,

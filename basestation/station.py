@@ -13,14 +13,14 @@ import math
 import sys
 from pathlib import Path
 
-from basestation.fleet.kept import Kept
+from basestation.fleet.state_store import StateStore
 from basestation.fleet.table import FleetTable, Motion
 from basestation.localization.frames import decode_frame
 from basestation.localization.homography import Homography
 from basestation.localization.localizer import Localizer
 from basestation.localization.markers import TagDetector
 from muro_zenoh import channels
-from muro_zenoh.config import Camera, Scenario, load_scenario
+from muro_zenoh.config import CameraSettings, Scenario, load_scenario
 from muro_zenoh.errors import ConfigError, MessageError, TransportError
 from muro_zenoh.messages import Clear, FleetSnapshot, Frame, Health, Message, PoseFix, Reply, Resume
 from muro_zenoh.runtime.process import ready, run_process
@@ -60,7 +60,7 @@ class Station:
         self._bus = bus
         self._scenario = scenario
         self._table = FleetTable()
-        self._kept = Kept(scenario, state)
+        self._kept = StateStore(scenario, state)
         self._localizers = {name: _localizer(name, camera, scenario) for name, camera in scenario.camera.items()}
         self._poses = {name: bus.publisher(channels.POSE, name) for name in scenario.robot}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
@@ -97,7 +97,7 @@ class Station:
 
     # ---- from pixels to poses
 
-    async def _watch(self, name: str, camera: Camera) -> None:
+    async def _watch(self, name: str, camera: CameraSettings) -> None:
         frames = self._bus.latest(channels.CAMERA, name)
         localizer = self._localizers[name]
         bad = False
@@ -114,7 +114,7 @@ class Station:
             else:
                 bad = False
 
-    def _locate(self, name: str, camera: Camera, localizer: Localizer, frame: Received[Frame]) -> None:
+    def _locate(self, name: str, camera: CameraSettings, localizer: Localizer, frame: Received[Frame]) -> None:
         m = frame.message
         self._frames += 1
         if m.data == self._pictures.get(name):
@@ -246,7 +246,7 @@ def _complaints(camera: str, localizer: Localizer) -> list[str]:
     return out
 
 
-def _localizer(name: str, camera: Camera, scenario: Scenario) -> Localizer:
+def _localizer(name: str, camera: CameraSettings, scenario: Scenario) -> Localizer:
     tags = {robot.tag: (key, robot.mount) for key, robot in scenario.robot.items() if robot.tag is not None}
     try:
         detector = TagDetector(camera.family)

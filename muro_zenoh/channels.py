@@ -149,7 +149,7 @@ GOAL = Channel(
     ros="move_base_simple/goal",
     note="acknowledged",
 )
-PATH = Channel("path", m.Path, "agent/dubins", "operator", "event", "kept", note="the planned Dubins path")
+PATH = Channel("path", m.PlannedPath, "agent/dubins", "operator", "event", "kept", note="the planned Dubins path")
 CELL = Channel("cell", m.Cell, "agent/coverage", "operator", "1 Hz and on change", "newest", note="for drawing")
 CIRCLE = Channel(
     "circle",

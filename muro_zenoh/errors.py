@@ -4,6 +4,7 @@
 
     MuroError                     anything this project raises on purpose; the CLI prints it without a traceback
     ├── ConfigError               a settings file says something wrong, or something impossible
+    ├── ParameterError            a parameter of a law or a behaviour that makes no sense, or does not fit the others
     ├── MessageError              bytes from the network that are not the message their key promises
     ├── TransportError            the bus could not do what it was asked
     │   ├── NotConnected          no router answered at the endpoints given
@@ -37,6 +38,25 @@ class ConfigError(MuroError):
         self.expected = expected
         self.hint = hint
         text = f"{where}: got {got}, expected {expected}"
+        super().__init__(f"{text}. {hint}" if hint else text)
+
+
+class ParameterError(MuroError, ValueError):
+    """A parameter of a law or a behaviour that makes no sense, or does not fit the others.
+
+    Args:
+        what: the parameter, such as ``v_min``.
+        got: its value.
+        expected: what would do.
+        hint: what to do next, if there is more to say.
+    """
+
+    def __init__(self, what: str, *, got: str, expected: str, hint: str = "") -> None:
+        self.what = what
+        self.got = got
+        self.expected = expected
+        self.hint = hint
+        text = f"{what}: got {got}, expected {expected}"
         super().__init__(f"{text}. {hint}" if hint else text)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 TWO_PI = 2.0 * math.pi
 
@@ -46,6 +46,23 @@ class Twist2(NamedTuple):
 
 
 STILL = Twist2(0.0, 0.0)
+
+
+class State(NamedTuple):
+    """Where a robot is and how fast it really goes: ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s], ``omega``
+    [rad/s]. Each a float, or an array with an entry per robot.
+    """
+
+    x: Any
+    y: Any
+    theta: Any
+    v: Any
+    omega: Any
+
+    @property
+    def pose(self) -> Pose2:
+        """The place and heading."""
+        return Pose2(self.x, self.y, self.theta)
 
 
 def wrap_to_pi(angle: float) -> float:

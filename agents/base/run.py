@@ -8,7 +8,6 @@ from agents.base.base import run_base
 from agents.base.simulated import Floor, SimulatedWheels
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.transport import open_bus
@@ -31,8 +30,7 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
     if name not in scenario.robot:
         raise ConfigError(f"base {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
     robot = scenario.robot[name]
-    limits = WheelLimits(lag=scenario.simulation.lag, a_max=robot.a_max, alpha_max=robot.alpha_max, brake=robot.brake)
-    plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=limits, drive_error=0.0, slip=0.0)
+    plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=robot.wheels, drive_error=0.0, slip=0.0)
     async with open_bus(scenario.bus) as bus:
         bus.announce("base", name)
         ready("base", name)

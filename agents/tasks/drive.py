@@ -7,7 +7,7 @@ import math
 
 from agents.tasks.localize import Localize
 from muro_zenoh import channels
-from muro_zenoh.config import Robot
+from muro_zenoh.config import RobotSettings
 from muro_zenoh.geometry import STILL, Twist2
 from muro_zenoh.messages import VelocityCommand
 from muro_zenoh.safety.gate import reasons_to_stand
@@ -40,7 +40,7 @@ class Drive:
         changed: set when the robot starts or stops to drive, or the latch changes; the health report clears it.
     """
 
-    def __init__(self, bus: Bus, name: str, robot: Robot, localize: Localize) -> None:
+    def __init__(self, bus: Bus, name: str, robot: RobotSettings, localize: Localize) -> None:
         self.latch = StopLatch()
         self.stopped_names: frozenset[str] = frozenset()
         self.reasons: tuple[str, ...] = ()

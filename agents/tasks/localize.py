@@ -7,9 +7,8 @@ import logging
 import math
 
 from muro_zenoh import channels
-from muro_zenoh.config import Robot
+from muro_zenoh.config import RobotSettings
 from muro_zenoh.estimation.pose_filter import PoseEstimate, PoseFilter
-from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Twist2
 from muro_zenoh.messages import Calibration, Estimate, PoseFix
 from muro_zenoh.transport import Bus, Received
@@ -39,7 +38,7 @@ class Localize:
         arrival: when the fix behind the newest estimate came [s]; NaN when it was made by the clock.
     """
 
-    def __init__(self, bus: Bus, name: str, robot: Robot, latencies: dict[str, float]) -> None:
+    def __init__(self, bus: Bus, name: str, robot: RobotSettings, latencies: dict[str, float]) -> None:
         self.newest: PoseEstimate | None = None
         self.fixes = 0
         self.pose_ages: list[float] = []
@@ -47,7 +46,7 @@ class Localize:
         self._clock = bus.clock
         self._latencies = latencies
         self._ways = {camera: DelayTracker() for camera in latencies}
-        self._filter = PoseFilter(limits=WheelLimits(a_max=robot.a_max, alpha_max=robot.alpha_max, brake=robot.brake))
+        self._filter = PoseFilter(limits=robot.wheels)
         self._fixes = bus.every(channels.POSE, name)
         self._odometry = bus.every(channels.ODOMETRY, name)
         self._estimate = bus.publisher(channels.ESTIMATE, name)

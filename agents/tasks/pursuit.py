@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
-from agents.doors import load_function
 from agents.robot import Robot
 from agents.tasks.path_following import CircleParameters, follow_circle
 from muro_zenoh import channels
+from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.config.sections import NotNegative, Positive
 from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, pursue
 from muro_zenoh.messages import Estimate

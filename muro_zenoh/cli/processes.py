@@ -20,7 +20,7 @@ def _scenario(file: str, bus: BusFlags) -> Scenario:
     """The scenario or fleet that is meant, with Zenoh's flags laid over its bus."""
     import msgspec
 
-    from muro_zenoh.cli.launch import check_own_packages, find_scenario
+    from muro_zenoh.supervision.launch import check_own_packages, find_scenario
 
     check_own_packages()
     scenario = find_scenario(file, None, {})
@@ -109,7 +109,7 @@ def router(file: str | None, bus: BusFlags) -> None:
     from muro_zenoh.transport.router import router_settings, run_router
 
     if file is not None:
-        from muro_zenoh.cli.launch import find_scenario
+        from muro_zenoh.supervision.launch import find_scenario
 
         ground = router_settings(find_scenario(file, None, {}).bus)
     else:

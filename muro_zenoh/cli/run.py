@@ -65,10 +65,11 @@ def run(
     The exit code is 0 when the run met the scenario's checks, 1 when not or when a process could not be kept alive,
     2 for wrong settings, 130 when it was interrupted.
     """
-    from muro_zenoh.cli.conduct import Order, conduct
-    from muro_zenoh.cli.launch import check_can_run, check_own_packages, find_scenario, make_run_folder
+    from muro_zenoh.cli.live import PlainScreen, TableScreen
     from muro_zenoh.cli.options import lay_over
     from muro_zenoh.runtime.process import run_process
+    from muro_zenoh.supervision.launch import check_can_run, check_own_packages, find_scenario, make_run_folder
+    from muro_zenoh.supervision.run import Order, Screen, conduct
 
     overrides = assignments(settings, "--set")
     if duration is not None:
@@ -83,5 +84,6 @@ def run(
             "--report", got=f"{report}, whose folder is not there to write to", expected="a file that can be written"
         )
     folder = make_run_folder(resolved.name)
-    order = Order(resolved, folder, seed, connect, report, headless or not sys.stdout.isatty())
-    raise SystemExit(run_process(lambda: conduct(order), "muro"))
+    order = Order(resolved, folder, seed, connect, report)
+    screen: Screen = PlainScreen() if headless or not sys.stdout.isatty() else TableScreen()
+    raise SystemExit(run_process(lambda: conduct(order, screen), "muro"))

@@ -13,23 +13,23 @@ from typing import Annotated, Any, Final, TypeVar, get_type_hints
 import msgspec
 from msgspec import Meta
 
+from muro_zenoh.config.descriptions import expected, show, unit_of
+from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.origin import Origin
-from muro_zenoh.config.possible import check_possible
 from muro_zenoh.config.sections import (
     Arena,
     BehaviourSettings,
     BusSettings,
-    Camera,
+    CameraSettings,
     Checks,
     CircleSettings,
     GoalRow,
     Positive,
-    Robot,
+    RobotSettings,
     Scenario,
     Section,
     Simulation,
 )
-from muro_zenoh.config.words import expected, show, unit_of
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 
@@ -89,7 +89,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
     }
     cameras = {
         _name(key, origin, f"camera.{key}"): _section(
-            Camera, _as_table(value, origin, f"camera.{key}"), origin, f"camera.{key}"
+            CameraSettings, _as_table(value, origin, f"camera.{key}"), origin, f"camera.{key}"
         )
         for key, value in _table(table, "camera", origin).items()
     }
@@ -106,7 +106,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         },
         **sections,
     )
-    check_possible(scenario, origin)
+    check_feasible(scenario, origin)
     return scenario
 
 
@@ -238,11 +238,11 @@ def _name(name: str, origin: Origin, path: str) -> str:
     return name
 
 
-def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, Robot]:
+def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, RobotSettings]:
     common = dict(_table(table, "all", origin))
     if "tag" in common:
         raise ConfigError(origin.at("all.tag"), got=show(common["tag"]), expected="no tag here: each robot has its own")
-    _section(Robot, common, origin, "all")  # so that an error there is named there
+    _section(RobotSettings, common, origin, "all")  # so that an error there is named there
     given = _table(table, "robot", origin)
     if given and "robots" in table:
         raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="either the one or the other")
@@ -251,7 +251,7 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
     if given:
         robots = {
             _name(key, origin, f"robot.{key}"): _section(
-                Robot, {**common, **_as_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
+                RobotSettings, {**common, **_as_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
             )
             for key, value in given.items()
         }
@@ -262,7 +262,7 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
         return dict(list(robots.items())[:wanted])
     if wanted is not None and wanted < 1:
         raise ConfigError("--robots", got=str(wanted), expected="1 or more")
-    return {f"r{i + 1}": _section(Robot, {**common, "tag": i}, origin, "all") for i in range(wanted or 1)}
+    return {f"r{i + 1}": _section(RobotSettings, {**common, "tag": i}, origin, "all") for i in range(wanted or 1)}
 
 
 def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:

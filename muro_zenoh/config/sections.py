@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
 
@@ -25,7 +26,7 @@ class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of a settings file."""
 
 
-class Robot(Section, frozen=True, kw_only=True):
+class RobotSettings(Section, frozen=True, kw_only=True):
     """A robot: its tag, its body, what it can do. A TurtleBot 2 by default.
 
     Attributes:
@@ -41,6 +42,7 @@ class Robot(Section, frozen=True, kw_only=True):
         a_max: strongest acceleration [m/s^2].
         alpha_max: strongest angular acceleration [rad/s^2].
         brake: strongest braking [m/s^2].
+        lag: time constant of the wheels' speed control [s]; laws are evaluated so far ahead.
         base: what turns its wheels.
     """
 
@@ -56,7 +58,13 @@ class Robot(Section, frozen=True, kw_only=True):
     a_max: Positive = 0.5
     alpha_max: Positive = 3.0
     brake: Positive = 1.0
+    lag: Positive = 0.1
     base: Literal["simulated"] = "simulated"
+
+    @property
+    def wheels(self) -> WheelLimits:
+        """What its wheels can do, as filter, laws and plant take it."""
+        return WheelLimits(lag=self.lag, a_max=self.a_max, alpha_max=self.alpha_max, brake=self.brake)
 
     @property
     def mount(self) -> TagMount:
@@ -95,7 +103,7 @@ _VIEW_MARGIN = 0.25
 """What a camera without points of its own sees beyond the arena [m]."""
 
 
-class Camera(Section, frozen=True, kw_only=True):
+class CameraSettings(Section, frozen=True, kw_only=True):
     """An overhead camera.
 
     Attributes:
@@ -233,7 +241,6 @@ class Simulation(Section, frozen=True, kw_only=True):
 
     Attributes:
         drive_error: each robot's wheels do up to this fraction more or less than they say.
-        lag: time constant of the wheels [s].
         slip: standard deviation of the distance really driven [m/sqrt(m)] and of the angle turned.
         image_noise: of the camera's grey values, standard deviation [0..255]. Not 0: pictures that are alike to the
             last bit are those of a camera that is stuck.
@@ -242,7 +249,6 @@ class Simulation(Section, frozen=True, kw_only=True):
     """
 
     drive_error: Annotated[float, Meta(ge=0, le=0.3)] = 0.2
-    lag: Positive = 0.1
     slip: Annotated[float, Meta(ge=0, le=0.5)] = 0.005
     image_noise: Annotated[float, Meta(ge=0.5, le=64)] = 3.0
     image_blur: Annotated[float, Meta(ge=0, le=5)] = 0.6
@@ -270,9 +276,9 @@ class Scenario(Section, frozen=True, kw_only=True):
     name: str
     description: str = ""
     duration: Positive = 60.0
-    robot: dict[Name, Robot]
+    robot: dict[Name, RobotSettings]
     arena: Arena = Arena()
-    camera: dict[Name, Camera] = {}
+    camera: dict[Name, CameraSettings] = {}
     circle: CircleSettings = CircleSettings()
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()

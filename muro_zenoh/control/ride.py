@@ -15,7 +15,7 @@ from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import STILL, Pose2, Twist2, wrap_to_pi
 from muro_zenoh.planning.arena import plan_after_turn, plan_inside
 from muro_zenoh.planning.bounds import Bounds
-from muro_zenoh.planning.goal_heading import goal_pose
+from muro_zenoh.planning.destination import Destination, goal_pose
 from muro_zenoh.planning.path import Path
 
 TIGHTER: Final = (1.0, 0.7, 0.5)
@@ -28,15 +28,6 @@ _TURN_GAIN: Final = 2.0
 _SLOWEST_TURN: Final = 0.15
 _FASTEST_TURN: Final = 1.0
 """Turning on the spot: rate per angle to go [1/s], and the least and the greatest rate [rad/s]."""
-
-
-class Destination(NamedTuple):
-    """Where to go: ``x``, ``y`` [m, world], and ``theta``, the heading to arrive with [rad], None when it does not
-    matter."""
-
-    x: float
-    y: float
-    theta: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +100,7 @@ def set_out(pose: Pose2, goal: Destination, v: float, settings: RideSettings) ->
     """Plan the shortest path that keeps inside the arena.
 
     At the turning radius or, where that cannot be, a tighter one; where no radius will do, after the least turn on the
-    spot. A goal without a heading gets that of :func:`muro_zenoh.planning.goal_heading.goal_heading`.
+    spot. A goal without a heading gets that of :func:`muro_zenoh.planning.destination.goal_heading`.
 
     Args:
         pose: where the robot is [world].

@@ -104,7 +104,7 @@ class VelocityCommand(Message, frozen=True, kw_only=True):
     omega: float
 
 
-class Path(Message, frozen=True, kw_only=True):
+class PlannedPath(Message, frozen=True, kw_only=True):
     """A planned path: a start, and arcs and straights one after the other.
 
     Attributes:

@@ -25,10 +25,6 @@ LIFELINE = "MURO_LIFELINE"
 """Environment variable with the number of a pipe's reading end. Nothing is ever written to it: it ends when the
 supervisor does, however that dies, and the process leaves."""
 
-BEHAVIOURS = "MURO_BEHAVIOURS"
-"""Environment variable with the folders, besides Python's path, in which agents look for a user's behaviours; `muro`
-sets it to the scenario file's own. They come last, so that nothing in them hides a module of ours."""
-
 OK, FAILED, WRONG_USE = 0, 1, 2
 
 _GRACE = 3.0

@@ -12,18 +12,18 @@ from agents.tasks.coverage import CoverageParameters
 from agents.tasks.dubins import DubinsParameters
 from agents.tasks.pursuit import PursuitParameters
 from agents.tasks.steer import SteerParameters
-from muro_zenoh.cli.launch import find_scenario
-from muro_zenoh.cli.score_floor import Deployed, Deployment, density_error, score_deployment
-from muro_zenoh.cli.score_goals import Body, Moment, Planned, score_goals, score_tracking
 from muro_zenoh.config import Scenario, parameters_as
 from muro_zenoh.control.point_forward import GoToGoal
-from muro_zenoh.control.ride import Destination
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.density import Peaks
+from muro_zenoh.planning.destination import Destination
+from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
+from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking
 from muro_zenoh.simulation.rollout.drives import DriveRun, deploy, ride_to_goals, steer_to_goals
 from muro_zenoh.simulation.rollout.runs import pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import NOISY
 from muro_zenoh.simulation.starts import random_starts
+from muro_zenoh.supervision.launch import find_scenario
 
 LOOP = replace(NOISY, omega_max=1.5)  # as the robots of the scenarios have it
 EVERY = 4  # of the plant's moves: ten a second, as a run is sampled

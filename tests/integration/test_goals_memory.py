@@ -8,10 +8,10 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from muro_zenoh import channels
-from muro_zenoh.cli.score_floor import Deployment, score_deployment
-from muro_zenoh.cli.score_goals import Body
-from muro_zenoh.messages import Ack, Goal, Path
+from muro_zenoh.messages import Ack, Goal, PlannedPath
 from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.scoring.deployment import Deployment, score_deployment
+from muro_zenoh.scoring.goals import Body
 from muro_zenoh.transport import Every, Publisher
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 from tests.support.virtual_time import run_virtually
@@ -71,7 +71,7 @@ async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
         await fleet.until(stands_at(fleet, -0.6, -0.4), 40, "it is at the goal that moved")
         await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "and says so")
         assert abs(math.remainder(fleet.plant.pose[0, 2] + 2.0, math.tau)) < 0.17
-        shown: list[Path] = [received.message for received in paths.drain()]
+        shown: list[PlannedPath] = [received.message for received in paths.drain()]
         assert len(shown) >= 2
         assert shown[-1].goal_theta
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from muro_zenoh.cli import launch
-from muro_zenoh.cli.supervisor import Supervisor
+from muro_zenoh.supervision import launch
+from muro_zenoh.supervision.supervisor import Supervisor
 from tests.support.process import Process
 from tests.support.waiting import seconds, within
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from muro_zenoh.cli.supervisor import ChildSpec, Patience, Supervisor
 from muro_zenoh.errors import SupervisionError
+from muro_zenoh.supervision.supervisor import ChildSpec, Patience, Supervisor
 from tests.support.process import Process
 from tests.support.waiting import seconds, within
 

@@ -13,7 +13,7 @@ import numpy as np
 from agents.agent import Agent
 from agents.base.base import run_base
 from agents.base.simulated import Floor, SimulatedWheels
-from basestation.fleet.kept import Kept
+from basestation.fleet.state_store import StateStore
 from basestation.fleet.table import FleetTable, Motion
 from muro_zenoh import channels
 from muro_zenoh.config import Scenario, parse_scenario
@@ -58,7 +58,7 @@ class MemoryFleet:
         self.scenario = lab
         self.network = MemoryNetwork()
         self.clock = VirtualClock()
-        self.kept = Kept(lab, None)
+        self.kept = StateStore(lab, None)
         self.seeing = True
         self.keeping = True
         self.agents: dict[str, asyncio.Task[None]] = {}

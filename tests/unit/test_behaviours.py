@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agents.behaviours import BUILT_IN, check_behaviour, load_behaviour
-from agents.doors import load_function
+from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.errors import BehaviourError, ConfigError
 
 

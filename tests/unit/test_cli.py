@@ -14,12 +14,12 @@ import msgpack  # type: ignore[import-untyped]  # it publishes no types
 import pytest
 from click.testing import CliRunner
 
-from muro_zenoh.cli.launch import built_in_scenarios, find_scenario, free_port, make_run_folder, write_scenario
 from muro_zenoh.cli.main import main
 from muro_zenoh.cli.options import assignments, lay_over, toml_value
 from muro_zenoh.cli.payloads import full_key, shown, type_of
 from muro_zenoh.config import BusSettings, load_scenario
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.supervision.launch import built_in_scenarios, find_scenario, free_port, make_run_folder, write_scenario
 
 
 def commands(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from muro_zenoh.config import (
     BehaviourSettings,
     CircleSettings,
-    Robot,
+    RobotSettings,
     Scenario,
     Section,
     as_table,
@@ -21,8 +21,8 @@ from muro_zenoh.config import (
     parameters_as,
     parse_scenario,
 )
+from muro_zenoh.config.descriptions import unit_of
 from muro_zenoh.config.sections import BusSettings, Positive
-from muro_zenoh.config.words import unit_of
 from muro_zenoh.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
@@ -62,8 +62,8 @@ def test_an_empty_file_is_a_lab_of_one_robot_that_stands_still() -> None:
 
 def test_a_robots_settings_cascade() -> None:
     lab = parse({"all": {"radius": 0.2, "v_max": 0.4}, "robot": {"r1": {"tag": 1}, "r2": {"tag": 2, "v_max": 0.3}}})
-    assert lab.robot["r1"] == Robot(tag=1, radius=0.2, v_max=0.4)
-    assert lab.robot["r2"] == Robot(tag=2, radius=0.2, v_max=0.3)
+    assert lab.robot["r1"] == RobotSettings(tag=1, radius=0.2, v_max=0.4)
+    assert lab.robot["r2"] == RobotSettings(tag=2, radius=0.2, v_max=0.3)
 
 
 @pytest.mark.parametrize(("given_", "asked", "names"), [(None, 3, 3), (4, None, 4), (4, 2, 2), (None, None, 1)])
@@ -89,7 +89,7 @@ def test_a_scenario_may_lean_on_a_fleet(tmp_path: Path) -> None:
     path = write(tmp_path, "run.toml", 'fleet = "lab.toml"\n[all]\nv_max = 0.2\n[arena]\ny_max = 2.0\n')
     lab = load_scenario(path)
     assert lab.name == "run"
-    assert lab.robot == {"anna": Robot(tag=7, radius=0.1, v_max=0.2)}
+    assert lab.robot == {"anna": RobotSettings(tag=7, radius=0.1, v_max=0.2)}
     assert (lab.arena.x_max, lab.arena.y_max, lab.arena.x_min) == (3.0, 2.0, -2.1)
 
 
@@ -330,8 +330,9 @@ def test_wrong_parameters_are_named() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "key", "unit"),
-    [(CircleSettings, "radius", "[m]"), (CircleSettings, "clockwise", ""), (Robot, "alpha_max", "[rad/s^2]"),
-     (Robot, "tag_x", "[m]"), (Robot, "base", ""), (BusSettings, "lease", "[s]"), (BusSettings, "mode", "")],
+    [(CircleSettings, "radius", "[m]"), (CircleSettings, "clockwise", ""), (RobotSettings, "alpha_max", "[rad/s^2]"),
+     (RobotSettings, "tag_x", "[m]"), (RobotSettings, "base", ""),
+     (BusSettings, "lease", "[s]"), (BusSettings, "mode", "")],
 )  # fmt: skip
 def test_units_come_from_the_docstring(kind: type[Section], key: str, unit: str) -> None:
     assert unit_of(kind, key) == unit

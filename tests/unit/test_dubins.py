@@ -15,8 +15,8 @@ from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.planning.arena import plan_after_turn, plan_inside, require_goal_inside, require_path_inside
 from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.planning.destination import goal_heading, goal_pose
 from muro_zenoh.planning.dubins import WORDS, all_words, plan, shortest_word
-from muro_zenoh.planning.goal_heading import goal_heading, goal_pose
 from muro_zenoh.planning.path import Path, Segment
 
 COORDINATE = st.floats(-3.0, 3.0)

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from muro_zenoh.cli.live import PlainScreen, Row, TableScreen, View, line_of, table_of
-from muro_zenoh.cli.score import Calibrated
+from muro_zenoh.cli.live import PlainScreen, TableScreen, line_of, table_of
+from muro_zenoh.scoring.sheet import Calibrated
+from muro_zenoh.scoring.view import Row, View
 
 KNOWN = Row("r1", "pursuit", "", 0.0612, 0.0042, 1.257, 33.4, Calibrated(1.051, 0.912, None, None))
 UNKNOWN = Row("r2", "-", "not heard yet", None, None, None, None, Calibrated(None, None, None, None))

@@ -8,7 +8,7 @@ import pytest
 
 from agents.tasks.localize import Localize
 from muro_zenoh import channels
-from muro_zenoh.config import Robot
+from muro_zenoh.config import RobotSettings
 from muro_zenoh.messages import PoseFix
 from muro_zenoh.transport import MemoryNetwork, make_bus
 from tests.support.virtual_time import VirtualClock, run_virtually
@@ -25,7 +25,7 @@ def test_two_cameras_with_clocks_and_latencies_of_their_own_are_both_fresh() -> 
         network = MemoryNetwork()
         clock = VirtualClock()
         async with make_bus(network.link(), clock=clock) as station, make_bus(network.link(), clock=clock) as bus:
-            localize = Localize(bus, "r1", Robot(tag=1), latencies)
+            localize = Localize(bus, "r1", RobotSettings(tag=1), latencies)
             running = asyncio.create_task(localize.run())
             poses = station.publisher(channels.POSE, "r1")
             ages = {}

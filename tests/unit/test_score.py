@@ -14,8 +14,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from muro_zenoh.cli.live import gaps_ahead
-from muro_zenoh.cli.score import (
+from muro_zenoh.config import Checks
+from muro_zenoh.control.importance import Importance
+from muro_zenoh.geometry import Circle, Pose2
+from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.planning.path import Path as PlannedPath
+from muro_zenoh.planning.path import Segment
+from muro_zenoh.scoring.deployment import Deployment
+from muro_zenoh.scoring.goals import Body, Planned
+from muro_zenoh.scoring.sheet import (
     Calibrated,
     Observed,
     Sample,
@@ -25,14 +32,7 @@ from muro_zenoh.cli.score import (
     settle_time,
     spacing_error,
 )
-from muro_zenoh.cli.score_floor import Deployment
-from muro_zenoh.cli.score_goals import Body, Planned
-from muro_zenoh.config import Checks
-from muro_zenoh.control.importance import Importance
-from muro_zenoh.geometry import Circle, Pose2
-from muro_zenoh.planning.bounds import Bounds
-from muro_zenoh.planning.path import Path as PlannedPath
-from muro_zenoh.planning.path import Segment
+from muro_zenoh.scoring.view import gaps_ahead
 
 CIRCLE = Circle(1.0, -0.5, 0.8)
 ALL_CHECKS = Checks(

@@ -6,15 +6,15 @@ import math
 
 import pytest
 
-from muro_zenoh.cli.expectations import asked_of
-from muro_zenoh.cli.launch import find_scenario
-from muro_zenoh.cli.score_floor import BINS, Deployment, density_error, score_deployment
-from muro_zenoh.cli.score_goals import Body, Moment, Planned, score_goals, score_tracking, stands
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.path import Path, Segment
+from muro_zenoh.scoring.deployment import BINS, Deployment, density_error, score_deployment
+from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking, stands
+from muro_zenoh.supervision.launch import find_scenario
 
 
 def track(*spans: tuple[float, float, float, float, float]) -> list[Moment]:

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from muro_zenoh.cli.score_floor import Deployed, Deployment, density_error, score_deployment
-from muro_zenoh.cli.score_goals import Body, Moment, Planned, goals_table, score_goals, score_tracking
 from muro_zenoh.config import Checks
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
+from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
+from muro_zenoh.scoring.goals import Body, Moment, Planned, goals_table, score_goals, score_tracking
 
 SAMPLE_PERIOD: Final = 0.1
 """Time from one sample of the fleet to the next [s]."""

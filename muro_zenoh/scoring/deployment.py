@@ -7,11 +7,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from muro_zenoh.cli.score_goals import Body
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.geometry import TWO_PI, Circle
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.coverage import Density, Point, coverage_cost, lloyd_step
+from muro_zenoh.scoring.goals import Body
 
 BINS: Final = 36
 """Parts of the circle in which the time that robots spend there is compared with what is asked for."""

@@ -9,7 +9,7 @@ from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
 
 
-def check_possible(s: Scenario, origin: Origin) -> None:
+def check_feasible(s: Scenario, origin: Origin) -> None:
     """Refuse an impossible scenario.
 
     Args:

@@ -6,10 +6,13 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from muro_zenoh.errors import BehaviourError
-from muro_zenoh.runtime.process import BEHAVIOURS
+
+BEHAVIOURS: Final = "MURO_BEHAVIOURS"
+"""Environment variable with the folders, besides Python's path, in which a user's behaviours are looked for; `muro`
+sets it to the scenario file's own. They come last, so that nothing in them hides a module of ours."""
 
 
 def load_function(name: str) -> Callable[..., Any]:

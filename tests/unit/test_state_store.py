@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from basestation.fleet.kept import Kept
+from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
@@ -21,11 +21,11 @@ def scenario(robots: int = 3, **behaviour: object) -> Scenario:
     return parse_scenario(table, "lab.toml", name="lab")
 
 
-def fresh(path: Path | None = None, robots: int = 3) -> Kept:
-    return Kept(scenario(robots), path)
+def fresh(path: Path | None = None, robots: int = 3) -> StateStore:
+    return StateStore(scenario(robots), path)
 
 
-def stopped(kept: Kept) -> tuple[bool, tuple[str, ...]]:
+def stopped(kept: StateStore) -> tuple[bool, tuple[str, ...]]:
     return kept.stop.all, kept.stop.names
 
 
@@ -53,7 +53,7 @@ def test_a_kept_circle_that_does_not_fit_a_smaller_arena_is_not_taken_over(tmp_p
     assert fresh(path).set_circle(SetCircle(radius=1.2)).accepted
     assert fresh(path).circle.radius == 1.2
     table = {"robots": 3, "arena": {"y_min": -1.1, "y_max": 1.1}, "circle": {"radius": 0.7}}
-    assert Kept(parse_scenario(table, "lab.toml", name="lab"), path).circle.radius == 0.7
+    assert StateStore(parse_scenario(table, "lab.toml", name="lab"), path).circle.radius == 0.7
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,11 @@ import pytest
 import pytest_asyncio
 
 from muro_zenoh import channels
-from muro_zenoh.cli.collect import Collector
-from muro_zenoh.cli.launch import find_scenario
-from muro_zenoh.cli.live import view_of
-from muro_zenoh.cli.score import Observed
 from muro_zenoh.messages import Calibration, Circle, Health, Truth
+from muro_zenoh.scoring.collector import Collector
+from muro_zenoh.scoring.sheet import Observed
+from muro_zenoh.scoring.view import view_of
+from muro_zenoh.supervision.launch import find_scenario
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.clock import ManualClock
 

@@ -8,18 +8,19 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Protocol
 
 import click
 
-from muro_zenoh.cli import launch
-from muro_zenoh.cli.collect import Collector
-from muro_zenoh.cli.live import PlainScreen, Screen, TableScreen, view_of
-from muro_zenoh.cli.score import score_sheet
-from muro_zenoh.cli.supervisor import Supervisor
-from muro_zenoh.cli.usage import UsageTable
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import SupervisionError
+from muro_zenoh.scoring.collector import Collector
+from muro_zenoh.scoring.sheet import score_sheet
+from muro_zenoh.scoring.view import View, view_of
+from muro_zenoh.supervision import launch
+from muro_zenoh.supervision.supervisor import Supervisor
+from muro_zenoh.supervision.usage import UsageTable
 from muro_zenoh.transport import open_bus
 
 INTERRUPTED = 130
@@ -36,7 +37,6 @@ class Order:
         seed: of the simulator.
         connect: a router that runs elsewhere; None for one of our own.
         report: where the score sheet goes besides the folder; None for nowhere.
-        headless: whether to print lines instead of a table.
     """
 
     scenario: Scenario
@@ -44,19 +44,36 @@ class Order:
     seed: int
     connect: str | None
     report: Path | None
-    headless: bool
 
 
-async def conduct(order: Order) -> int:
+class Screen(Protocol):
+    """Where a run is shown."""
+
+    def tell(self, text: str) -> None:
+        """Say something that happened."""
+        ...
+
+    def show(self, view: View) -> None:
+        """Show how it is now; called a few times a second."""
+        ...
+
+    def __enter__(self) -> Screen: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+async def conduct(order: Order, screen: Screen) -> int:
     """Carry a run out.
 
     Args:
         order: which.
+        screen: where it is shown.
 
     Returns:
         The exit code.
     """
-    screen: Screen = PlainScreen() if order.headless else TableScreen()
     screen.tell(
         f"{order.scenario.name}: {len(order.scenario.robots)} robots, seed {order.seed}; logs in {order.folder}/"
     )
@@ -167,7 +184,7 @@ def summary(sheet: dict[str, Any]) -> str:
     """A score sheet for people to read.
 
     Args:
-        sheet: as :func:`~muro_zenoh.cli.score.score_sheet` makes it.
+        sheet: as :func:`~muro_zenoh.scoring.sheet.score_sheet` makes it.
     """
 
     def value(number: float | None, unit: str = "") -> str:

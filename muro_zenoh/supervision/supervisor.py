@@ -17,9 +17,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from muro_zenoh.cli.child import Child, ChildSpec, how_it_ended
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.runtime.process import WRONG_USE
+from muro_zenoh.supervision.child import Child, ChildSpec, how_it_ended
 
 __all__ = ["Child", "ChildSpec", "Patience", "Supervisor"]
 

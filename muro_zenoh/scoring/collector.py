@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from muro_zenoh import channels
-from muro_zenoh.cli.expectations import asked_of
-from muro_zenoh.cli.score import RADIUS_BAND, SAMPLE_PERIOD, Calibrated, Observed, Sample, radius_error
-from muro_zenoh.cli.score_goals import Body, Planned
 from muro_zenoh.config import Scenario
 from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
+from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.goals import Body, Planned
+from muro_zenoh.scoring.sheet import RADIUS_BAND, SAMPLE_PERIOD, Calibrated, Observed, Sample, radius_error
 from muro_zenoh.transport import Bus, Every, Received
 
 TRUTH_FRESH = 0.5

@@ -60,7 +60,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     stop_names: tuple[Name, ...] = ()
 
 
-class Kept:
+class StateStore:
     """The kept state and its file.
 
     Args:

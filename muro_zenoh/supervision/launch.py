@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import muro_zenoh
-from muro_zenoh.cli.supervisor import Child, ChildSpec, Supervisor
+from muro_zenoh.behaviours.entry_points import BEHAVIOURS
 from muro_zenoh.config import Scenario, as_table, load_scenario
 from muro_zenoh.errors import ConfigError, SupervisionError
-from muro_zenoh.runtime.process import BEHAVIOURS
+from muro_zenoh.supervision.supervisor import Child, ChildSpec, Supervisor
 
 HOST = "127.0.0.1"
 PORT = 7447
@@ -28,7 +28,7 @@ _PORT_TRIES = 5
 
 def built_in_scenarios() -> dict[str, Path]:
     """The scenarios that come along, by name."""
-    folder = Path(__file__).parent / "scenarios"
+    folder = Path(muro_zenoh.__file__).parent / "scenarios"
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 

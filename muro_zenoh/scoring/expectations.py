@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from muro_zenoh.cli.score_floor import Deployment
 from muro_zenoh.config import Scenario, parameters_as
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.scoring.deployment import Deployment
 
 
 class Asked(NamedTuple):

@@ -1,10 +1,20 @@
-"""The heading to arrive with when a goal has none."""
+"""Where to go, and the heading to arrive with when that is left open."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from muro_zenoh.geometry import Pose2
+
+
+class Destination(NamedTuple):
+    """Where to go: ``x``, ``y`` [m, world], and ``theta``, the heading to arrive with [rad], None when it does not
+    matter."""
+
+    x: float
+    y: float
+    theta: float | None = None
 
 
 def goal_heading(pose: Pose2, x: float, y: float) -> float:

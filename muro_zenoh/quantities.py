@@ -1,0 +1,114 @@
+"""Numbers with a unit and limits, declared once on the field of a value, and read by whoever checks or explains it.
+
+::
+
+    @dataclass(frozen=True, slots=True)
+    class Gains:
+        k_o: Annotated[float, Quantity("1/m", above=0.0)] = 15.0
+
+        def __post_init__(self) -> None:
+            check_quantities(self)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Final, get_args, get_type_hints
+
+from muro_zenoh.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a number means and which ones make sense.
+
+    Args:
+        unit: such as ``m/s``; empty for a plain number.
+        above: only values above this; None for no such limit.
+        at_least: only values of at least this.
+        below: only values below this.
+        at_most: only values of at most this.
+        finite: whether infinity is no value either.
+    """
+
+    unit: str = ""
+    above: float | None = None
+    at_least: float | None = None
+    below: float | None = None
+    at_most: float | None = None
+    finite: bool = True
+
+    def allows(self, value: object) -> bool:
+        """Whether a value is a number within the limits; NaN never is.
+
+        Args:
+            value: what was given.
+        """
+        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+            return False
+        return (
+            (math.isfinite(value) or not self.finite)
+            and (self.above is None or value > self.above)
+            and (self.at_least is None or value >= self.at_least)
+            and (self.below is None or value < self.below)
+            and (self.at_most is None or value <= self.at_most)
+        )
+
+    def __str__(self) -> str:
+        limits = (("above", self.above), ("at least", self.at_least), ("below", self.below), ("at most", self.at_most))
+        words = ["a number", " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)]
+        return " ".join([*(word for word in words if word), *([f"[{self.unit}]"] if self.unit else [])])
+
+
+Length = Annotated[float, Quantity("m", above=0.0)]
+Distance = Annotated[float, Quantity("m", at_least=0.0)]
+Speed = Annotated[float, Quantity("m/s", above=0.0)]
+SpeedOrRest = Annotated[float, Quantity("m/s", at_least=0.0)]
+TurningRate = Annotated[float, Quantity("rad/s", above=0.0)]
+Acceleration = Annotated[float, Quantity("m/s^2", above=0.0)]
+Duration = Annotated[float, Quantity("s", at_least=0.0)]
+Positive = Annotated[float, Quantity(above=0.0)]
+NotNegative = Annotated[float, Quantity(at_least=0.0)]
+
+_NONE: Final = type(None)
+
+
+def quantity_of(hint: Any) -> Quantity | None:
+    """The quantity that a type hint declares, of ``Annotated[float, Quantity(...)]`` or that ``| None``.
+
+    Args:
+        hint: the type hint.
+    """
+    for part in (hint, *get_args(hint)):
+        for note in getattr(part, "__metadata__", ()):
+            if isinstance(note, Quantity):
+                return note
+    return None
+
+
+@cache
+def quantities(kind: type) -> dict[str, Quantity]:
+    """The quantities among a class's fields, by name.
+
+    Args:
+        kind: the class.
+    """
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: found for name, hint in hints.items() if (found := quantity_of(hint)) is not None}
+
+
+def check_quantities(value: Any) -> None:
+    """Refuse a value with a number outside its limits. A None is left to the type.
+
+    Args:
+        value: an instance of a class with quantities among its fields.
+
+    Raises:
+        ParameterError: the first such field, with what was got and what was expected.
+    """
+    for name, quantity in quantities(value.__class__).items():
+        number = getattr(value, name)
+        if number is not None and not quantity.allows(number):
+            raise ParameterError(name, got=repr(number), expected=str(quantity))

@@ -1,0 +1,1 @@
+"""What a run was worth: what is collected of it, and its score sheet."""
