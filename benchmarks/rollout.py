@@ -23,8 +23,8 @@ import numpy as np
 from muro_zenoh.control.circle import circle_law
 from muro_zenoh.control.pursuit import pursuit_law, pursuit_speed
 from muro_zenoh.control.ring_arrays import array_gaps
-from muro_zenoh.geometry import Circle
-from muro_zenoh.simulation.rollout.fleet import Fleet, Policy, Seen
+from muro_zenoh.geometry import Circle, State
+from muro_zenoh.simulation.rollout.fleet import Fleet, Policy
 from muro_zenoh.simulation.rollout.settings import NOISY
 
 CIRCLE = Circle(0.0, 0.0, 1.1)

@@ -145,7 +145,7 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
         ) from None
 
     if ":" not in name:  # one's own behaviour may be on the robots only
-        from agents.behaviours import check_behaviour
+        from muro_zenoh.config import check_behaviour
 
         check_behaviour(name, values, "muro set behaviour")
 

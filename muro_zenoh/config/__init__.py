@@ -6,6 +6,7 @@ says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulatio
 the default.
 """
 
+from muro_zenoh.config.behaviour import check_behaviour, make_behaviour, read_parameters
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
     Arena,
@@ -32,7 +33,10 @@ __all__ = [
     "Section",
     "Simulation",
     "as_table",
+    "check_behaviour",
     "load_scenario",
+    "make_behaviour",
     "parameters_as",
     "parse_scenario",
+    "read_parameters",
 ]

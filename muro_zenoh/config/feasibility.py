@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
@@ -32,7 +30,6 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
                 got=f"{len(camera.metres)} points",
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
-    _check_circle(s, origin)
     _check_goals(s, origin)
 
 
@@ -50,30 +47,6 @@ def _check_tags(s: Scenario, origin: Origin) -> None:
                 expected="a tag of its own",
             )
         owner[robot.tag] = name
-
-
-def _check_circle(s: Scenario, origin: Origin) -> None:
-    if s.behaviour.name not in ("circle", "pursuit"):
-        return
-    c, a = s.circle, s.arena
-    body = max(robot.radius for robot in s.robot.values())
-    room = min(c.x - a.x_min, a.x_max - c.x, c.y - a.y_min, a.y_max - c.y) - body
-    if c.radius > room:
-        raise ConfigError(
-            origin.at("circle.radius"),
-            got=f"{c.radius:g} m round ({c.x:g}, {c.y:g})",
-            expected=f"at most {max(room, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
-        )
-    count = len(s.robot)
-    chord = 2.0 * c.radius * math.sin(math.pi / count) if count > 1 else math.inf
-    if s.behaviour.name == "pursuit" and chord < 2.0 * body:
-        most = int(math.pi / math.asin(min(1.0, body / c.radius)))
-        raise ConfigError(
-            origin.at("circle.radius"),
-            got=f"{count} robots on a circle of {c.radius:g} m, {chord:.3f} m apart",
-            expected=f"at least {2 * body:g} m between their centres",
-            hint=f"At most {most} robots fit, or a circle of {body / math.sin(math.pi / count):.2f} m.",
-        )
 
 
 def _check_goals(s: Scenario, origin: Origin) -> None:

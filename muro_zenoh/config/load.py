@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
 
+from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.origin import Origin
@@ -233,7 +234,7 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
 
 
 def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
-    name = read_value(str, table.get("name", "hold"), origin, "behaviour.name")
+    name = read_value(str, table.get("name", DEFAULT), origin, "behaviour.name")
     rest = {k: read_value(Value, v, origin, f"behaviour.{k}") for k, v in table.items() if k != "name"}
     return BehaviourSettings(name=name, parameters=rest)
 

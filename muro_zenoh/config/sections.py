@@ -6,9 +6,12 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from muro_zenoh.behaviours import table
+from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
+from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.quantities import (
     Acceleration,
     Angle,
@@ -212,7 +215,7 @@ class BehaviourSettings(Section, frozen=True, kw_only=True):
         parameters: the other keys of the section.
     """
 
-    name: str = "hold"
+    name: str = table.DEFAULT
     parameters: dict[str, Value] = {}
 
 
@@ -315,9 +318,21 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         goals = self.goals.get(name)
-        if not goals:
+        kind = table.find(self.behaviour.name)
+        if not goals or not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
             return self.behaviour
         return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
+
+    def vehicle(self, name: str) -> Vehicle:
+        """A robot as behaviours take it.
+
+        Args:
+            name: of the robot.
+        """
+        robot = self.robot[name]
+        a = self.arena
+        arena = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, arena)
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from agents.tasks.coverage import CoverageParameters
 from agents.tasks.dubins import DubinsParameters
 from agents.tasks.pursuit import PursuitParameters
 from agents.tasks.steer import SteerParameters
+from muro_zenoh.simulation.rollout.drives import DriveRun, deploy, ride_to_goals, steer_to_goals
+
 from muro_zenoh.config import Scenario, parameters_as
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.planning.bounds import Bounds
@@ -19,7 +20,6 @@ from muro_zenoh.planning.density import Peaks
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
 from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking
-from muro_zenoh.simulation.rollout.drives import DriveRun, deploy, ride_to_goals, steer_to_goals
 from muro_zenoh.simulation.rollout.runs import pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import NOISY
 from muro_zenoh.simulation.starts import random_starts

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
 from agents.behaviours import BUILT_IN, check_behaviour, load_behaviour
+
 from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.errors import BehaviourError, ConfigError
 

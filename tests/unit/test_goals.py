@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import pytest
 import pytest_asyncio
-
-from agents.robot import Robot
 from agents.tasks.drive import Drive
 from agents.tasks.goals import GoalParameters, Goals
 from agents.tasks.localize import Localize
+
+from agents.robot import Robot
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError

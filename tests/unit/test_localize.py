@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-
 from agents.tasks.localize import Localize
+
 from muro_zenoh import channels
 from muro_zenoh.config import RobotSettings
 from muro_zenoh.messages import PoseFix
