@@ -94,8 +94,7 @@ def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
         raise ParameterError(
             "circle.radius",
             got=f"{circle.radius:g} m round ({circle.x:g}, {circle.y:g})",
-            expected=f"at most {max(edge - body, 0.0):g} m there, so that robots of {body:g} m radius stay inside the "
-            "arena",
+            expected=f"at most {max(edge - body, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
         )
 
 

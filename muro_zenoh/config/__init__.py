@@ -6,7 +6,7 @@ says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulatio
 the default.
 """
 
-from muro_zenoh.config.behaviour import check_behaviour, make_behaviour, read_parameters
+from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
     Arena,
@@ -34,6 +34,7 @@ __all__ = [
     "Simulation",
     "as_table",
     "check_behaviour",
+    "check_settings",
     "load_scenario",
     "make_behaviour",
     "parameters_as",

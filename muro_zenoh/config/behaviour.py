@@ -7,6 +7,7 @@ from typing import Any
 
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Vehicle
+from muro_zenoh.behaviours.table import OwnBehaviour
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.reading import config_error, read_section
 from muro_zenoh.errors import BehaviourError, ConfigError, ParameterError
@@ -51,41 +52,60 @@ def make_behaviour(
         raise config_error(error, _origin(where), _PATH) from None
 
 
-def check_behaviour(
-    name: str,
-    parameters: Mapping[str, Any],
-    where: str | Origin,
-    fleet: Sequence[Vehicle] = (),
-    circle: Circle | None = None,
+def check_settings(
+    name: str, parameters: Mapping[str, Any], where: str | Origin, fleet: Sequence[Vehicle], circle: Circle
 ) -> None:
-    """Refuse, before anything starts or is kept, what no robot could do.
+    """Refuse wrong parameters, and what a fleet cannot do on a circle; nothing of a user's own is loaded.
+
+    Args:
+        name: of the behaviour; a user's own is not looked at.
+        parameters: values by key.
+        where: the file or order that they come from, for errors.
+        fleet: the robots that are to do it.
+        circle: the circle.
+
+    Raises:
+        ConfigError: no such behaviour, a wrong parameter, or one that does not fit the robots or the circle.
+    """
+    if ":" in name:
+        return
+    origin = _origin(where)
+    kind = _find(name, origin)
+    assert isinstance(kind, BehaviourKind)  # it is a built-in one
+    try:
+        kind.fits(read_parameters(kind, parameters, origin), circle, fleet)
+    except ParameterError as error:
+        raise config_error(error, origin, "" if error.what.startswith("circle.") else _PATH) from None
+
+
+def check_behaviour(name: str, parameters: Mapping[str, Any], where: str | Origin, fleet: Sequence[Vehicle]) -> None:
+    """Refuse, before anything starts, what no robot could do: everything is loaded as on the robots.
 
     Args:
         name: of the behaviour.
         parameters: values by key; those of a user's own behaviour are its own affair.
         where: the file or order that names it, for errors.
         fleet: the robots that are to do it.
-        circle: the circle, where there is one.
 
     Raises:
-        ConfigError: no such behaviour, a wrong parameter, or one that does not fit the robots or the circle.
+        ConfigError: no such behaviour, a wrong parameter, or one that does not fit a robot.
     """
     origin = _origin(where)
-    try:
-        kind = table.find(name)
-        if not isinstance(kind, BehaviourKind):
-            return
-        checked = read_parameters(kind, parameters, origin)
-        for vehicle in fleet:
-            make_behaviour(kind, parameters, vehicle, origin)
-    except BehaviourError as error:
-        raise ConfigError(origin.at(f"{_PATH}.name"), got=repr(name), expected=f"one that loads: {error}") from None
-    if fleet and circle is not None:
+    kind = _find(name, origin)
+    if isinstance(kind, BehaviourKind):
         try:
-            kind.fits(checked, circle, fleet)
-        except ParameterError as error:
-            path = "" if error.what.startswith("circle.") else _PATH
-            raise config_error(error, origin, path) from None
+            for vehicle in fleet:
+                make_behaviour(kind, parameters, vehicle, origin)
+        except BehaviourError as error:
+            raise ConfigError(origin.at(_PATH), got=str(error), expected="a function that can be loaded") from None
+
+
+def _find(name: str, origin: Origin) -> BehaviourKind | OwnBehaviour:
+    try:
+        return table.find(name)
+    except BehaviourError as error:
+        expected = f"one of {', '.join(table.names())}" if ":" not in name else f"one that loads: {error}"
+        raise ConfigError(origin.at(f"{_PATH}.name"), got=repr(name), expected=expected) from None
 
 
 def _origin(where: str | Origin) -> Origin:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from muro_zenoh.config.behaviour import check_settings
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
@@ -30,6 +31,8 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
                 got=f"{len(camera.metres)} points",
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
+    fleet = [s.vehicle(name) for name in s.robot]
+    check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle.circle)
     _check_goals(s, origin)
 
 

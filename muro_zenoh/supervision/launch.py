@@ -95,13 +95,6 @@ def check_can_run(scenario: Scenario, file: str) -> None:
         raise ConfigError(
             f"{file}: camera", got="none", expected="a section [camera.<name>]: without poses every robot stands"
         )
-    check_behaviour(
-        behaviour.name,
-        behaviour.parameters,
-        file,
-        [scenario.vehicle(name) for name in scenario.robots],
-        scenario.circle.circle,
-    )
     for name in scenario.robots:
         check_behaviour(behaviour.name, scenario.behaviour_of(name).parameters, file, [scenario.vehicle(name)])
 

@@ -28,8 +28,12 @@ class BehaviourRun(NamedTuple):
     paths: tuple[tuple[tuple[float, Path], ...], ...]
 
 
-class _Seen(NamedTuple):
-    """One robot of a snapshot, as the cameras and its agent have it."""
+class Robot(NamedTuple):
+    """One robot of a snapshot.
+
+    ``name``; ``x``, ``y`` [m, world], ``theta`` [rad] of the newest fix; ``v`` [m/s], ``omega`` [rad/s] of its estimate;
+    ``age`` of the fix [s]; ``state``.
+    """
 
     name: str
     x: float
@@ -70,11 +74,11 @@ def run_behaviours(
     paths: list[list[tuple[float, Path]]] = [[] for _ in starts]
 
     def policy(t: float, ahead: State) -> tuple[Array, Array]:
-        states = _rows(fleet.state())
-        snapshot = Snapshot(_robots(fleet, names, states), t, 1, 0.0)
+        states = rows_of(fleet.state())
+        snapshot = snapshot_of(fleet, names, states)
         wanted = []
-        for k, (behaviour, now, then) in enumerate(zip(behaviours, states, _rows(ahead), strict=True)):
-            intent = behaviour.step(Seen(t, now, then, circle, snapshot=snapshot, snapshot_age=0.0))
+        for k, (behaviour, now, then) in enumerate(zip(behaviours, states, rows_of(ahead), strict=True)):
+            intent = behaviour.step(Seen(t, now, then, circle, snapshot=snapshot, snapshot_age=snapshot.age))
             if intent.path is not None:
                 paths[k].append((t, intent.path))
             wanted.append(intent.twist or STILL)
@@ -91,17 +95,30 @@ def run_behaviours(
     return BehaviourRun(np.array(times), np.array(poses), np.array(twists), tuple(map(tuple, paths)))
 
 
-def _rows(state: State) -> list[State]:
-    """One state of floats per robot, from one of arrays."""
+def rows_of(state: State) -> list[State]:
+    """One state of floats per robot, from one of arrays.
+
+    Args:
+        state: arrays (N,).
+    """
     return [State(*row) for row in zip(*(column.tolist() for column in state), strict=True)]
 
 
-def _robots(fleet: Fleet, names: Sequence[str], states: Sequence[State]) -> list[_Seen]:
+def snapshot_of(fleet: Fleet, names: Sequence[str], states: Sequence[State]) -> Snapshot:
+    """What the base station would tell everybody now.
+
+    Args:
+        fleet: the robots.
+        names: of them.
+        states: of them, as their filters believe.
+    """
     fix = fleet.newest_fix
     if fix is None:
-        return [_Seen(name, *state, 0.0) for name, state in zip(names, states, strict=True)]
-    places = zip(fix.x.tolist(), fix.y.tolist(), fix.theta.tolist(), strict=True)
-    age = fleet.fix_age
-    return [
-        _Seen(name, *place, state.v, state.omega, age) for name, place, state in zip(names, places, states, strict=True)
-    ]
+        robots = [Robot(name, *state, 0.0) for name, state in zip(names, states, strict=True)]
+    else:
+        places = zip(fix.x.tolist(), fix.y.tolist(), fix.theta.tolist(), strict=True)
+        robots = [
+            Robot(name, *place, state.v, state.omega, fleet.fix_age)
+            for name, place, state in zip(names, places, states, strict=True)
+        ]
+    return Snapshot(robots, fleet.time, 1, 0.0)
