@@ -40,7 +40,7 @@ class Agent:
             raise ConfigError(f"agent {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
         settings = scenario.robot[name]
         self._bus = bus
-        self._localize = Localize(bus, name, settings, {n: c.latency for n, c in scenario.camera.items()})
+        self._localize = Localize(bus, name, settings)
         self._drive = Drive(bus, name, settings, self._localize)
         robot = Robot(bus, name, scenario, self._localize, self._drive)
         self._behave = Behave(robot, bus.latest(channels.BEHAVIOUR, name))

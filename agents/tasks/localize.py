@@ -12,7 +12,6 @@ from muro_zenoh.estimation.pose_filter import PoseEstimate, PoseFilter
 from muro_zenoh.geometry import Twist2
 from muro_zenoh.messages import Calibration, Estimate, PoseFix
 from muro_zenoh.transport import Bus, Received
-from muro_zenoh.transport.delay import DelayTracker
 
 log = logging.getLogger(__name__)
 
@@ -29,7 +28,6 @@ class Localize:
         bus: the bus.
         name: the robot's name.
         robot: its settings.
-        latencies: of each camera, the least time from capture to the arrival of its fixes [s].
 
     Attributes:
         newest: the newest estimate, for now; None before the first fix.
@@ -38,14 +36,12 @@ class Localize:
         arrival: when the fix behind the newest estimate came [s]; NaN when it was made by the clock.
     """
 
-    def __init__(self, bus: Bus, name: str, robot: RobotSettings, latencies: dict[str, float]) -> None:
+    def __init__(self, bus: Bus, name: str, robot: RobotSettings) -> None:
         self.newest: PoseEstimate | None = None
         self.fixes = 0
         self.pose_ages: list[float] = []
         self.arrival = math.nan
         self._clock = bus.clock
-        self._latencies = latencies
-        self._ways = {camera: DelayTracker() for camera in latencies}
         self._filter = PoseFilter(limits=robot.wheels)
         self._fixes = bus.every(channels.POSE, name)
         self._odometry = bus.every(channels.ODOMETRY, name)
@@ -79,23 +75,13 @@ class Localize:
     def _take(self, fix: Received[PoseFix]) -> None:
         self._take_odometry()
         m = fix.message
-        captured = self._captured(fix)
+        captured = fix.captured() - m.age
         result = self._filter.fix(captured, m.x, m.y, m.theta, m.covariance)
         if result.accepted:
             self.fixes += 1
             self.pose_ages.append(self._clock.now() - captured)
         if result.restarted:
             log.warning("the fixes have left the track: starting anew at (%.2f, %.2f)", m.x, m.y)
-
-    def _captured(self, fix: Received[PoseFix]) -> float:
-        """When the picture was taken [s, local clock]. Every camera stamps by its own clock and has a latency of its
-        own, though the fixes of all come from one writer: each has its own least difference."""
-        m = fix.message
-        way = self._ways.get(m.camera)
-        if way is None:
-            return fix.captured()
-        way.observe(m.epoch, m.stamp, fix.arrival)
-        return m.stamp + way.least - self._latencies[m.camera]
 
     def _take_odometry(self) -> None:
         for odometry in self._odometry.drain():
