@@ -137,6 +137,7 @@ class MemoryFleet:
         for row, name in enumerate(self.scenario.robots):
             wheels = SimulatedWheels(self.floor, row)
             self._tasks.create_task(run_base(room, name, wheels, self.clock), name=f"base {name}")
+        await asyncio.sleep(0)  # from now on the base station answers
 
     async def bus(self) -> Bus:
         """A bus, as a process of its own would have it."""
@@ -199,8 +200,9 @@ class MemoryFleet:
 
     @property
     def healths(self) -> dict[str, Health]:
-        """The newest health of each process."""
-        return {name: received.message for name, received in self._healths.values().items()}
+        """The newest health of each agent."""
+        newest = {name: received.message for name, received in self._healths.values().items()}
+        return {name: health for name, health in newest.items() if health.role == "agent"}
 
     def holds(self, name: str, reason: str) -> bool:
         """Whether an agent reports that it does not drive for this reason."""
