@@ -188,6 +188,7 @@ class Driver:
                 stamp=self._clock.now(),
                 seq=self._tick,
                 epoch=1,
+                age=0.0,
                 x=CIRCLE.x + CIRCLE.radius * math.cos(angle),
                 y=CIRCLE.y + CIRCLE.radius * math.sin(angle),
                 theta=wrap_to_pi(angle + 0.5 * math.pi),

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from basestation.localization.frames import decode_frame
 from basestation.localization.homography import Homography
-from basestation.localization.localizer import Localizer, Sighting
+from basestation.localization.localizer import Localizer
 from basestation.localization.markers import Marker, TagDetector
+from basestation.localization.sightings import Sighting
 from muro_zenoh.geometry import TagMount, straight_down_view, wrap_to_pi
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
 
@@ -56,7 +57,7 @@ class Stage:
     def judge(self, sightings: list[Sighting], poses: Array) -> None:
         self.missed += len(poses) - len(sightings)
         for sighting in sightings:
-            x, y, theta = poses[sighting.marker.id]
+            x, y, theta = poses[int(sighting.name[1:])]
             self.distances.append(1e3 * math.hypot(sighting.pose.x - x, sighting.pose.y - y))
             self.turns.append(math.degrees(abs(wrap_to_pi(sighting.pose.theta - theta))))
 

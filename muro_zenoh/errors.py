@@ -9,6 +9,7 @@
     ├── TransportError            the bus could not do what it was asked
     │   ├── NotConnected          no router answered at the endpoints given
     │   └── NoReply               an order was sent and nobody answered in time
+    ├── OrderRefused              an order that cannot be obeyed; its text is the reason in the reply
     ├── BehaviourError            a behaviour could not be loaded or is not one
     ├── PlanningError             a plan that cannot be made (a goal outside the arena, say)
     ├── MissingExtra              a package that comes with one of our extras is not installed
@@ -74,6 +75,10 @@ class NotConnected(TransportError):  # noqa: N818 - reads as a state, and is one
 
 class NoReply(TransportError):  # noqa: N818 - reads as an event, and is one
     """An order was sent and nobody answered in time."""
+
+
+class OrderRefused(MuroError):  # noqa: N818 - reads as an event, and is one
+    """An order that cannot be obeyed; its text is the reason in the reply."""
 
 
 class BehaviourError(MuroError):

@@ -9,12 +9,14 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from basestation.localization.homography import Homography
 from basestation.localization.markers import Marker, Picture, TagDetector
+from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Pose2, TagMount
 
@@ -24,23 +26,6 @@ _SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag 
 _COAST = 4  # pictures that a hidden tag is taken to move on for
 _SIZE_OFF = 0.3  # a print that seems so much larger or smaller than its tag is another print (blur and ink cost 0.05)
 _SHAPE_OFF = 0.15  # root mean square of the corners' misfit to a square, in sides
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
-    """A robot as one picture shows it.
-
-    Attributes:
-        name: of the robot.
-        pose: of the base frame (origin: the middle of the axle) in the world [m, rad].
-        covariance: nine floats, row-major, of x [m], y [m], theta [rad].
-        marker: the tag in the picture.
-    """
-
-    name: str
-    pose: Pose2
-    covariance: tuple[float, ...]
-    marker: Marker
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,12 +118,11 @@ class Localizer:
             expected = f"{self._size[0]} x {self._size[1]}, which camera {self.camera} is calibrated for"
             raise MessageError(f"a picture of {width} x {height} pixels, expected {expected}")
         found = self._sightings([marker for marker in self._search(image) if marker.id in self.tags])
-        self._follow([sighting.marker for sighting in found])
-        counts = Counter(sighting.marker.id for sighting in found)
+        self._follow([marker for marker, _ in found])
+        counts = Counter(marker.id for marker, _ in found)
         self.duplicate_tags = frozenset(number for number, count in counts.items() if count > 1)
-        return sorted(
-            (sighting for sighting in found if counts[sighting.marker.id] == 1), key=lambda seen: seen.marker.id
-        )
+        single = [(marker.id, sighting) for marker, sighting in found if counts[marker.id] == 1]
+        return [sighting for _, sighting in sorted(single, key=itemgetter(0))]
 
     def _search(self, image: Picture) -> list[Marker]:
         missing = not self._tracks or any(track.missed > 0 for track in self._tracks)
@@ -169,7 +153,7 @@ class Localizer:
         tracks += [track.unseen() for track in left if track.missed < self._remember]
         self._tracks = tracks
 
-    def _sightings(self, markers: list[Marker]) -> list[Sighting]:
+    def _sightings(self, markers: list[Marker]) -> list[tuple[Marker, Sighting]]:
         self.misfit_tags = {}
         if not markers:
             return []
@@ -185,7 +169,7 @@ class Localizer:
                 continue
             base = pose.compose(mount.pose.inverse())
             covariance = _covariance(slope, self._corner_noise, mount, base.theta)
-            sightings.append(Sighting(name, base, covariance, marker))
+            sightings.append((marker, Sighting(name, base, covariance)))
         return sightings
 
 

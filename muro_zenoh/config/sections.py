@@ -135,8 +135,8 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         width: of its frames [px].
         height: of its frames [px].
         rate: frames per second [Hz].
-        latency: least time from capture to the moment the frame's poses are received [s]; what is above it, the
-            receivers measure.
+        latency: least time from the capture of a frame to its arrival at the base station [s]; what a frame takes
+            longer than the quickest one, the base station measures.
         family: of the tags it looks for, as OpenCV names it.
         pixels: four or more points of the image [px], ...
         metres: ... and where they are on the plane of the tags [m, world].

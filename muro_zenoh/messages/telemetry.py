@@ -21,8 +21,13 @@ class Frame(Message, frozen=True, kw_only=True):
 
 
 class PoseFix(Message, frozen=True, kw_only=True):
-    """Where a camera saw a robot. ``stamp`` is the time of capture."""
+    """Where a camera saw a robot.
 
+    ``stamp`` is when the base station sent it, ``age`` [s] how long before that the frame was captured; ``x``, ``y``
+    [m] and ``theta`` [rad] are those of the base frame in the world.
+    """
+
+    age: Annotated[float, Meta(ge=0)]
     x: float
     y: float
     theta: float

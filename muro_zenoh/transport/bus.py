@@ -10,7 +10,7 @@ import asyncio
 import logging
 import random
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
@@ -111,6 +111,7 @@ class Bus:
         self._open: dict[Closable, None] = {}  # in the order of their declaration
         self._everybodys: list[tuple[str, Inbox[Any]]] = []  # mailboxes of `*`, with the start of their keys
         self._own_keys: set[str] = set()
+        self._replying: set[asyncio.Task[None]] = set()
         self._closed = False
 
     # ---- channels
@@ -247,20 +248,28 @@ class Bus:
             )
         return decode(payload, Reply)
 
-    def answer(self, verb: Verb[T], handle: Callable[[T], Reply]) -> None:
-        """Take an order: ``handle`` is called on the loop, and what it returns is the answer.
+    def answer(self, verb: Verb[T], handle: Callable[[T], Reply] | Callable[[T], Awaitable[Reply]]) -> None:
+        """Take an order: ``handle`` is called on the loop, and what it returns, or is awaited to, is the reply.
 
         Args:
             verb: which order.
-            handle: takes the order, returns the reply; it must not block. A :class:`MuroError` that it raises refuses
-                the order with the error's text; any other is logged as well, for it is a bug.
+            handle: takes the order, returns the reply; it must not block. One that awaits delays no other order, this
+                verb's neither. A :class:`MuroError` that it raises refuses the order with the error's text; any other
+                is logged as well, for it is a bug.
         """
         self._check_open()
         key = verb_key(self.realm, verb)
         counters = self.counters[f"basestation/{verb.word}"]
 
         def on_loop(question: Question) -> None:
+            if self._closed:
+                return
             counters.received += 1
+            task = self._loop.create_task(reply_to(question), name=f"reply on {key}")
+            self._replying.add(task)
+            task.add_done_callback(self._replying.discard)
+
+        async def reply_to(question: Question) -> None:
             try:
                 check_encoding(question.encoding, verb.kind)
                 order = decode(question.payload, verb.kind)
@@ -268,14 +277,15 @@ class Bus:
                 counters.rejected += 1
                 reply = Reply(accepted=False, reason=str(error))
             else:
-                reply = obey(order)
+                reply = await obey(order)
             question.reply(
                 encode(msgspec.structs.replace(reply, stamp=self.clock.now(), epoch=self.epoch)), encoding_of(Reply)
             )
 
-        def obey(order: T) -> Reply:
+        async def obey(order: T) -> Reply:
             try:
-                return handle(order)
+                reply = handle(order)
+                return reply if isinstance(reply, Reply) else await reply
             except MuroError as error:
                 return Reply(accepted=False, reason=str(error))
             except Exception as error:
@@ -331,6 +341,9 @@ class Bus:
         for thing in reversed(list(self._open)):
             thing.close()
         self._open.clear()
+        for task in self._replying:
+            task.cancel()
+        await asyncio.gather(*self._replying, return_exceptions=True)
         await self._link.close()
 
     async def __aenter__(self) -> Bus:

@@ -28,8 +28,8 @@ from muro_zenoh.messages import (
     Stop,
     StopOrder,
 )
+from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
-from tests.support.virtual_time import run_virtually
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
@@ -104,7 +104,7 @@ async def test_circle_follows_the_velocity_that_any_other_process_says() -> None
         assert fleet.speed("r1") == pytest.approx(0.3, abs=0.015)
         # Who said a speed and falls silent is not replaced by the default one.
         await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 1.5, "it holds")
-        assert fleet.told("r1") == (0.0, 0.0)
+        assert fleet.commanded("r1") == (0.0, 0.0)
         await say(0.2, 2.0)
         assert fleet.speed("r1") == pytest.approx(0.2, abs=0.015)
 
@@ -122,7 +122,7 @@ async def test_the_velocity_of_a_foreign_program_is_followed() -> None:
 async def test_the_circle_changes_live() -> None:
     async with circling(1) as fleet:
         await asyncio.sleep(8.0)
-        fleet.order(fleet.kept.set_circle(SetCircle(x=0.3, radius=0.6, clockwise=True)))
+        await fleet.order(channels.SET_CIRCLE, SetCircle(x=0.3, radius=0.6, clockwise=True))
         await asyncio.sleep(12.0)
         assert fleet.radius_error("r1") < 0.01
         assert fleet.turning("r1") == pytest.approx(-0.2 / 0.6, rel=0.03)
@@ -164,15 +164,15 @@ async def test_pursuit_spreads_and_changes_its_parameters_and_its_behaviour_live
         assert max(map(fleet.radius_error, fleet.scenario.robots)) < 0.03
         assert [fleet.speed(name) for name in fleet.scenario.robots] == pytest.approx([0.2] * 3, abs=0.02)
 
-        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": 0.1})))
+        await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="pursuit", parameters={"cruise": 0.1}))
         await asyncio.sleep(3.0)
         assert [fleet.speed(name) for name in fleet.scenario.robots] == pytest.approx([0.1] * 3, abs=0.02)
         assert fleet.spacing_error() < 0.1
 
-        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",))))
+        await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold", names=("r2",)))
         await fleet.until(lambda: fleet.holds("r2", "the behaviour is hold"), 1, "r2 holds")
-        assert fleet.told("r2") == (0.0, 0.0)
-        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",))))
+        assert fleet.commanded("r2") == (0.0, 0.0)
+        await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle", names=("r2",)))
         await fleet.until(lambda: abs(fleet.speed("r2") - 0.2) < 0.02, 5, "r2 follows the circle")
 
 
@@ -180,7 +180,7 @@ async def test_pursuit_spreads_and_changes_its_parameters_and_its_behaviour_live
 async def test_a_ring_spreads_anew_when_one_stops_by_order() -> None:
     async with circling(3, "pursuit") as fleet:
         await fleet.until(lambda: fleet.spacing_error() < 0.1, 40, "an even ring")
-        fleet.order(fleet.kept.set_stop(Stop(names=("r3",))))
+        await fleet.order(channels.STOP_ORDER, Stop(names=("r3",)))
         # Who is told to stop counts no more: the other two take half the circle each.
         await fleet.until(lambda: fleet.spacing_error(["r1", "r2"]) < 0.1, 40, "a ring of two")
         assert "r3" not in fleet.driving
@@ -205,7 +205,7 @@ async def test_a_ring_spreads_anew_when_an_agent_dies_and_again_when_it_is_back(
 @virtual
 async def test_a_robot_that_does_something_else_is_not_waited_for() -> None:
     async with circling(3, "pursuit") as fleet:
-        fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",))))
+        await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold", names=("r2",)))
         await fleet.until(lambda: fleet.spacing_error(["r1", "r3"]) < 0.1, 40, "a ring of two")
         await asyncio.sleep(5.0)
         assert fleet.spacing_error(["r1", "r3"]) < 0.1
@@ -216,7 +216,7 @@ async def test_pursuit_holds_when_the_positions_are_silent() -> None:
     """The agent knows where it is, and where nobody else is."""
     async with memory_fleet(scenario(2, "pursuit")) as fleet:
         await fleet.until(lambda: len(fleet.driving) == 2, 3, "everybody drives")
-        fleet._snapshots.close()
+        fleet.silence(channels.ALL_POSITIONS)
         await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 2.5, "it holds")
         await fleet.until(lambda: not fleet.driving, 1, "all stand")
 
@@ -225,11 +225,11 @@ async def test_pursuit_holds_when_the_positions_are_silent() -> None:
 async def test_a_velocity_that_cannot_come_means_hold() -> None:
     """A robot alone, with no snapshot ever: pursuit never says a speed, and path following invents none."""
     async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:
-        fleet._snapshots.close()
+        fleet.silence(channels.ALL_POSITIONS)
         await fleet.start_agent("r1")
         await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 2, "it holds")
         await asyncio.sleep(1.0)
-        assert fleet.told("r1") == (0.0, 0.0)
+        assert fleet.commanded("r1") == (0.0, 0.0)
 
 
 # ---- what keeps robots from driving
@@ -238,50 +238,42 @@ async def test_a_velocity_that_cannot_come_means_hold() -> None:
 @virtual
 async def test_who_has_heard_no_stop_state_stands() -> None:
     async with memory_fleet(scenario(2, "circle"), agents=False) as fleet:
-        fleet.keeping = False
-        fleet._stops.close()  # what it keeps goes, too
-        fleet.network._kept.clear()
-        for name, publisher in fleet._behaviours.items():
-            publisher.put(fleet.kept.behaviour(name))
-        fleet._circles.put(fleet.kept.circle)
+        fleet.silence(channels.STOP)
         await fleet.start_agent("r1")
         await fleet.until(lambda: fleet.holds("r1", "no stop state heard yet"), 2, "it says why")
         await asyncio.sleep(2.0)
-        assert fleet.told("r1") == (0.0, 0.0)
+        assert fleet.commanded("r1") == (0.0, 0.0)
         assert fleet.healths["r1"].reasons == ("no stop state heard yet",)  # all else is there
 
 
 @virtual
 async def test_a_stop_order_stands_with_the_wheels_at_zero_until_it_is_lifted() -> None:
     async with circling(2) as fleet:
-        fleet.order(fleet.kept.set_stop(Stop()))
+        await fleet.order(channels.STOP_ORDER, Stop())
         await fleet.until(lambda: not fleet.driving, 0.1, "zero at once")
         await fleet.until(lambda: all(fleet.healths[n].stop_latched for n in ("r1", "r2")), 0.1, "said at once")
         assert fleet.holds("r1", "stop order to everybody")
         await asyncio.sleep(1.5)
         assert fleet.speed("r1") == pytest.approx(0.0, abs=1e-3)
         assert not fleet.dead_man("r1")  # zero is commanded, not left to the dead-man
-        fleet.order(fleet.kept.resume(Resume(revision=fleet.kept.stop.revision)))
+        await fleet.order(channels.RESUME, Resume(revision=fleet.kept.stop.revision))
         await fleet.until(lambda: len(fleet.driving) == 2, 0.5, "everybody drives")
 
 
 @virtual
 async def test_an_operators_stop_needs_no_base_station() -> None:
     async with circling(2) as fleet:
-        fleet.keeping = False
+        revision = fleet.kept.stop.revision
         operator = await fleet.bus()
         orders = operator.publisher(channels.STOP)
         orders.put(StopOrder(all=True, revision=0))
         await fleet.until(lambda: not fleet.driving, 0.1, "zero at once")
-        # The old state, said again by a base station that never heard of it, lifts nothing.
-        fleet.publish_kept()
+        # The base station never received it. What it repeats lifts nothing; it keeps what the robots latched.
         await asyncio.sleep(1.0)
         assert not fleet.driving
-        # It takes over what the robots latched, and can then lift it.
-        assert fleet.kept.adopt("r1", fleet.healths["r1"])
-        fleet.publish_kept()
         assert fleet.kept.stop.all
-        fleet.order(fleet.kept.resume(Resume(revision=fleet.kept.stop.revision)))
+        assert fleet.kept.stop.revision > revision
+        await fleet.order(channels.RESUME, Resume(revision=fleet.kept.stop.revision))
         await fleet.until(lambda: len(fleet.driving) == 2, 0.5, "everybody drives")
 
 
@@ -289,21 +281,21 @@ async def test_an_operators_stop_needs_no_base_station() -> None:
 async def test_a_stale_pose_stands() -> None:
     async with circling(1) as fleet:
         fleet.seeing = False
-        took = await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.6, "zero")
+        took = await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.6, "zero")
         assert took > 0.25  # a few lost frames are no reason to stop
         await fleet.until(lambda: fleet.holds("r1", "no pose for"), 0.5, "it says why")
         assert not fleet.dead_man("r1")
         fleet.seeing = True
-        await fleet.until(lambda: fleet.told("r1") != (0.0, 0.0), 0.5, "it goes on")
+        await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 0.5, "it goes on")
 
 
 @virtual
 async def test_a_killed_agent_leaves_it_to_the_dead_man_and_a_cancelled_one_does_not() -> None:
     async with circling(2) as fleet:
         fleet.agents["r1"].cancel()
-        took = await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.1, "its last command is zero")
+        took = await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.1, "its last command is zero")
         assert took < 0.05
-        assert fleet.told("r2") != (0.0, 0.0)
+        assert fleet.commanded("r2") != (0.0, 0.0)
         await fleet.until(lambda: fleet.dead_man("r1"), 0.5, "then the dead-man")
 
 
@@ -314,13 +306,13 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
     async def main() -> None:
         async with circling(1) as fleet:
             order = SetBehaviour(behaviour=behaviour, parameters=parameters)
-            fleet.order(fleet.kept.set_behaviour(order))
+            await fleet.order(channels.SET_BEHAVIOUR, order)
             await fleet.until(lambda: fleet.holds("r1", reason), 1.5, "it says why")
             await asyncio.sleep(1.0)
-            assert fleet.told("r1") == (0.0, 0.0)
+            assert fleet.commanded("r1") == (0.0, 0.0)
             assert not fleet.agents["r1"].done()
-            fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle")))
-            await fleet.until(lambda: fleet.told("r1") != (0.0, 0.0), 1, "the next one is taken")
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
+            await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 1, "the next one is taken")
 
     run_virtually(main())
 
@@ -372,15 +364,15 @@ def test_a_behaviour_that_crashes_takes_the_agent_down_and_the_robot_stops(
 
     async def main() -> None:
         async with memory_fleet(scenario(2, "lab_of_ours:swim")) as fleet:
-            fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",))))
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle", names=("r2",)))
             await fleet.until(lambda: len(fleet.driving) == 2, 3, "both drive")
             await fleet.until(fleet.agents["r1"].done, 4, "the crash")
             error: BaseException | None = fleet.agents["r1"].exception()
             while isinstance(error, BaseExceptionGroup):
                 error = error.exceptions[0]
             assert repr(error) == "RuntimeError('out of water')"
-            await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.1, "its last command is zero")
-            assert fleet.told("r2") != (0.0, 0.0)
+            await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.1, "its last command is zero")
+            assert fleet.commanded("r2") != (0.0, 0.0)
 
     run_virtually(main())
 
@@ -401,9 +393,9 @@ def test_a_behaviour_that_says_nothing_more_is_not_driven_on(tmp_path: Path, mon
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
             for behaviour, reason in (("sleepy", "the behaviour is silent"), ("brief", "lab_of_ours:brief has ended")):
-                fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour=f"lab_of_ours:{behaviour}")))
+                await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=f"lab_of_ours:{behaviour}"))
                 await fleet.until(lambda r=reason: fleet.holds("r1", r), 1.5, reason)  # type: ignore[misc]
-                assert fleet.told("r1") == (0.0, 0.0)
+                assert fleet.commanded("r1") == (0.0, 0.0)
 
     run_virtually(main())
 
@@ -425,7 +417,7 @@ def test_cancelling_an_agent_while_its_behaviour_changes_is_not_lost(
     async def main() -> None:
         async with memory_fleet(scenario(1, "lab_of_ours:slow_to_leave")) as fleet:
             await asyncio.sleep(1.0)
-            fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle")))
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
             await asyncio.sleep(0.25)  # it is leaving
             fleet.agents["r1"].cancel()
             await fleet.until(fleet.agents["r1"].done, 1, "the end")
@@ -475,9 +467,15 @@ def test_no_message_however_absurd_takes_an_agent_down(behaviour: str) -> None:
             stops = stranger.publisher(channels.STOP)
             for a in _HUGE:
                 for b in _HUGE:
-                    poses.put(PoseFix(x=a, y=b, theta=a, covariance=(b,) * 9, camera="north"))
-                    poses.put(PoseFix(x=0.1, y=0.1, theta=0.0, covariance=(a, 0, 0, 0, b, 0, 0, 0, 1), camera="x"))
-                    poses.put(PoseFix(stamp=abs(a) or 1.0, x=0.0, y=b, theta=b, covariance=(1.0,) * 9, camera="north"))
+                    poses.put(PoseFix(age=abs(b), x=a, y=b, theta=a, covariance=(b,) * 9, camera="north"))
+                    poses.put(
+                        PoseFix(age=0.05, x=0.1, y=0.1, theta=0.0, covariance=(a, 0, 0, 0, b, 0, 0, 0, 1), camera="x")
+                    )
+                    poses.put(
+                        PoseFix(
+                            stamp=abs(a) or 1.0, age=0.05, x=0.0, y=b, theta=b, covariance=(1.0,) * 9, camera="north"
+                        )
+                    )
                     circles.put(Circle(x=a, y=b, radius=abs(b) or 1e-300))
                     speeds.put(SpeedReference(speed=a))
                     goals.put(Goal(x=a, y=b, theta=a))
@@ -494,9 +492,8 @@ def test_no_message_however_absurd_takes_an_agent_down(behaviour: str) -> None:
                         assert abs(v) <= 0.5
                         assert abs(omega) <= 1.5
             # The world is itself again, and so are they.
-            fleet.publish_kept()
             for name in ("r1", "r2"):
-                fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle", parameters={"speed": 0.15})))
-                await fleet.until(lambda n=name: fleet.told(n) != (0.0, 0.0), 8, f"{name} drives again")  # type: ignore[misc]
+                await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle", parameters={"speed": 0.15}))
+                await fleet.until(lambda n=name: fleet.commanded(n) != (0.0, 0.0), 8, f"{name} drives again")  # type: ignore[misc]
 
     run_virtually(main())

@@ -16,8 +16,8 @@ from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Clear
+from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.transport import MemoryNetwork, make_bus
-from tests.support.virtual_time import VirtualClock, run_virtually
 
 LAB = parse_scenario(
     {

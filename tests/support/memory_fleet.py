@@ -1,4 +1,4 @@
-"""A fleet on the in-memory bus: real agents and bases on simulated wheels, and a base station without cameras."""
+"""A fleet on the in-memory bus: real agents, bases on simulated wheels, and the real base station without pictures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,14 +14,18 @@ from agents.agent import Agent
 from agents.base.base import run_base
 from agents.base.simulated import Floor, SimulatedWheels
 from basestation.fleet.state_store import StateStore
-from basestation.fleet.table import FleetTable, Motion
+from basestation.localization.sightings import Sighting, Sightings
+from basestation.station import Station
 from muro_zenoh import channels
+from muro_zenoh.channels import Channel, Verb
 from muro_zenoh.config import Scenario, parse_scenario
-from muro_zenoh.geometry import Pose2
-from muro_zenoh.messages import FleetSnapshot, Health, PoseFix, Reply
+from muro_zenoh.geometry import Circle, Pose2
+from muro_zenoh.messages import Health, Message, Reply
+from muro_zenoh.runtime.virtual_time import VirtualClock
 from muro_zenoh.simulation.plant import Plant, random_starts
-from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
-from tests.support.virtual_time import VirtualClock
+from muro_zenoh.transport import Bus, MemoryNetwork, Publisher, make_bus
+
+T = TypeVar("T", bound=Message)
 
 _FRAME = 0.05
 _LATENCY = 0.05
@@ -30,14 +34,69 @@ _COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 2.5e-5)
 
 
 def scenario(robots: int, behaviour: str, clockwise: bool = False, **parameters: object) -> Scenario:
-    """A scenario with a camera named north, whose fixes come 50 ms late."""
+    """A scenario for a fleet in memory."""
     table = {
         "robots": robots,
-        "camera": {"north": {"latency": _LATENCY}},
         "circle": {"clockwise": clockwise},
         "behaviour": {"name": behaviour, **parameters},
     }
     return parse_scenario(table, "lab.toml", name="lab")
+
+
+class SimulatedSightings:
+    """A camera that sees the whole floor without pictures: the true poses, with noise, and late.
+
+    Args:
+        floor: what it sees.
+        robots: the names of the robots, in the plant's order.
+        rng: for the noise.
+        period: from one frame to the next [s].
+        latency: from capture to arrival [s].
+
+    Attributes:
+        seeing: whether frames come.
+    """
+
+    def __init__(
+        self,
+        floor: Floor,
+        robots: tuple[str, ...],
+        rng: np.random.Generator,
+        period: float = _FRAME,
+        latency: float = _LATENCY,
+    ) -> None:
+        self.seeing = True
+        self._floor = floor
+        self._robots = robots
+        self._rng = rng
+        self._period = period
+        self._latency = latency
+
+    async def __aiter__(self) -> AsyncIterator[Sightings]:
+        arrived: asyncio.Queue[Sightings] = asyncio.Queue()
+        filming = asyncio.create_task(self._film(arrived))
+        try:
+            while True:
+                yield await arrived.get()
+        finally:
+            filming.cancel()
+            await asyncio.wait({filming})
+
+    async def _film(self, arrived: asyncio.Queue[Sightings]) -> None:
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due += self._period
+            await asyncio.sleep(due - loop.time())
+            captured = self._floor.catch_up()
+            if self.seeing:
+                loop.call_at(due + self._latency, arrived.put_nowait, self._look(captured))
+
+    def _look(self, captured: float) -> Sightings:
+        poses = self._floor.plant.pose
+        seen = (poses + self._rng.normal(0.0, _SIGMA, poses.shape)).tolist()
+        robots = (Sighting(name, Pose2(*pose), _COVARIANCE) for name, pose in zip(self._robots, seen, strict=True))
+        return Sightings(camera="north", captured=captured, robots=tuple(robots))
 
 
 class MemoryFleet:
@@ -46,11 +105,10 @@ class MemoryFleet:
     Attributes:
         network: what they share.
         clock: everybody's.
-        kept: the base station's state; after a change of it call :meth:`publish_kept`.
         plant: the robots.
-        floor: what they are told.
-        seeing: whether the cameras see.
-        keeping: whether the kept state is repeated.
+        floor: what their wheels are commanded.
+        camera: what the base station sees.
+        station: the base station.
         agents: the tasks of the agents, by name.
     """
 
@@ -58,35 +116,28 @@ class MemoryFleet:
         self.scenario = lab
         self.network = MemoryNetwork()
         self.clock = VirtualClock()
-        self.kept = StateStore(lab, None)
-        self.seeing = True
-        self.keeping = True
         self.agents: dict[str, asyncio.Task[None]] = {}
-        self._rng = np.random.default_rng(seed)
-        starts = random_starts(self._rng, len(lab.robots), lab.arena.bounds, np.full(len(lab.robots), 0.177))
-        self.plant = Plant(starts, self._rng)
+        rng = np.random.default_rng(seed)
+        starts = random_starts(rng, len(lab.robots), lab.arena.bounds, np.full(len(lab.robots), 0.177))
+        self.plant = Plant(starts, rng)
         self.floor = Floor(self.plant, self.clock)
+        self.camera = SimulatedSightings(self.floor, lab.robots, rng)
         self._stack = stack
         self._tasks = tasks
-        self._table = FleetTable()
 
     async def start(self) -> None:
         """Start the bases and the base station."""
-        self._station = station = await self.bus()
-        self._poses = {name: station.publisher(channels.POSE, name) for name in self.scenario.robots}
-        self._snapshots = station.publisher(channels.ALL_POSITIONS)
-        self._stops = station.publisher(channels.STOP)
-        self._circles = station.publisher(channels.CIRCLE)
-        self._behaviours = {name: station.publisher(channels.BEHAVIOUR, name) for name in self.scenario.robots}
-        self._estimates = station.latest(channels.ESTIMATE, "*")
-        self._healths = station.latest(channels.HEALTH, "*")
-        self._states = station.latest(channels.BASE, "*")
+        self._looking = looking = await self.bus()
+        self._healths = looking.latest(channels.HEALTH, "*")
+        self._states = looking.latest(channels.BASE, "*")
+        self._station_bus = await self.bus()
+        self.station = Station(self._station_bus, self.scenario, None, [self.camera])
+        self._tasks.create_task(self.station.run(), name="base station")
         room = await self.bus()
         for row, name in enumerate(self.scenario.robots):
             wheels = SimulatedWheels(self.floor, row)
-            self._tasks.create_task(run_base(room, name, wheels, self.clock))
-        self._tasks.create_task(self._see())
-        self._tasks.create_task(self._keep())
+            self._tasks.create_task(run_base(room, name, wheels, self.clock), name=f"base {name}")
+        await asyncio.sleep(0)  # from now on the base station answers
 
     async def bus(self) -> Bus:
         """A bus, as a process of its own would have it."""
@@ -106,19 +157,35 @@ class MemoryFleet:
         if self.agents:
             await asyncio.wait(self.agents.values())
 
-    # ---- orders
+    # ---- the base station
 
-    def order(self, reply: Reply) -> None:
-        """Take the answer to a change of the kept state, and publish it as the base station does."""
+    async def order(self, verb: Verb[T], order: T) -> Reply:
+        """Give an order to the base station, as an operator does, and see it accepted."""
+        reply = await self._looking.ask(verb, order)
         assert reply.accepted, reply.reason
-        self.publish_kept()
+        return reply
 
-    def publish_kept(self) -> None:
-        """Send the kept state."""
-        self._stops.put(self.kept.stop)
-        self._circles.put(self.kept.circle)
-        for name, publisher in self._behaviours.items():
-            publisher.put(self.kept.behaviour(name))
+    @property
+    def kept(self) -> StateStore:
+        """What the base station keeps."""
+        return self.station.store
+
+    def silence(self, channel: Channel[Any]) -> None:
+        """Let the base station publish no more on a channel; what was kept of it is gone, too."""
+        start = f"{self._station_bus.realm}/{channel.word}"
+        for thing in list(self._station_bus._open):
+            if isinstance(thing, Publisher) and thing._key.startswith(start):
+                thing.close()
+                self.network._kept.pop(thing._key, None)
+
+    @property
+    def seeing(self) -> bool:
+        """Whether the cameras see."""
+        return self.camera.seeing
+
+    @seeing.setter
+    def seeing(self, seeing: bool) -> None:
+        self.camera.seeing = seeing
 
     # ---- what is seen
 
@@ -133,33 +200,39 @@ class MemoryFleet:
 
     @property
     def healths(self) -> dict[str, Health]:
-        """The newest health of each."""
-        return {name: received.message for name, received in self._healths.values().items()}
+        """The newest health of each agent."""
+        newest = {name: received.message for name, received in self._healths.values().items()}
+        return {name: health for name, health in newest.items() if health.role == "agent"}
 
     def holds(self, name: str, reason: str) -> bool:
-        """Whether an agent says that it stands for this reason."""
+        """Whether an agent reports that it does not drive for this reason."""
         health = self.healths.get(name)
         return health is not None and any(reason in given for given in health.reasons)
 
     def dead_man(self, name: str) -> bool:
-        """Whether a base says that it has no fresh command."""
+        """Whether a base reports that it has no fresh command."""
         state = self._states.values().get(name)
         return state is not None and state.message.dead_man
 
-    def told(self, name: str) -> tuple[float, float]:
-        """What the wheels of a robot are told now."""
+    def commanded(self, name: str) -> tuple[float, float]:
+        """What the wheels of a robot are commanded now: v [m/s], omega [rad/s]."""
         v, omega = self.floor.commands[self.scenario.robots.index(name)].tolist()
         return v, omega
 
     @property
     def driving(self) -> set[str]:
-        """Whose wheels are told to turn."""
-        return {name for name in self.scenario.robots if self.told(name) != (0.0, 0.0)}
+        """Whose wheels are commanded to turn."""
+        return {name for name in self.scenario.robots if self.commanded(name) != (0.0, 0.0)}
+
+    @property
+    def circle(self) -> Circle:
+        """The circle to follow."""
+        return self.kept.state.circle
 
     def radius_error(self, name: str) -> float:
         """True distance from the circle [m]."""
         x, y, _ = self.plant.pose[self.scenario.robots.index(name)].tolist()
-        c = self.kept.circle
+        c = self.circle
         return abs(math.hypot(x - c.x, y - c.y) - c.radius)
 
     def speed(self, name: str) -> float:
@@ -169,46 +242,16 @@ class MemoryFleet:
     def turning(self, name: str) -> float:
         """True angular speed round the circle's centre, of a robot on it: positive counter-clockwise [rad/s]."""
         x, y, theta = self.plant.pose[self.scenario.robots.index(name)].tolist()
-        c = self.kept.circle
-        x, y = x - c.x, y - c.y
+        x, y = x - self.circle.x, y - self.circle.y
         return self.speed(name) * (x * math.sin(theta) - y * math.cos(theta)) / (x * x + y * y)
 
     def spacing_error(self, names: list[str] | None = None) -> float:
         """Largest |gap - 2 pi / N| round the circle [rad]."""
-        c = self.kept.circle
+        c = self.circle
         rows = [self.scenario.robots.index(name) for name in names or self.scenario.robots]
         angles = sorted(math.atan2(self.plant.pose[i, 1] - c.y, self.plant.pose[i, 0] - c.x) for i in rows)
         gaps = [(b - a) % math.tau for a, b in zip(angles, [*angles[1:], angles[0]], strict=True)]
         return max(abs(gap - math.tau / len(rows)) for gap in gaps)
-
-    # ---- the base station
-
-    async def _see(self) -> None:
-        loop = asyncio.get_running_loop()
-        due = loop.time()
-        while True:
-            due += _FRAME
-            await asyncio.sleep(due - loop.time())
-            captured = self.floor.catch_up()
-            if self.seeing:
-                loop.call_at(due + _LATENCY, self._locate, captured, self.plant.pose.copy())
-
-    def _locate(self, captured: float, poses: Any) -> None:
-        for name, pose in zip(self.scenario.robots, poses, strict=True):
-            x, y, theta = (pose + self._rng.normal(0.0, _SIGMA)).tolist()
-            fix = PoseFix(stamp=captured, x=x, y=y, theta=theta, covariance=_COVARIANCE, camera="north")
-            self._poses[name].put(fix)
-            self._table.fix(name, Pose2(x, y, theta), captured)
-        for name, estimate in self._estimates.values().items():
-            m = estimate.message
-            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.arrival))
-        self._snapshots.put(FleetSnapshot(robots=self._table.snapshot(self.clock.now())))
-
-    async def _keep(self) -> None:
-        while True:
-            if self.keeping:
-                self.publish_kept()
-            await asyncio.sleep(0.5)
 
 
 @asynccontextmanager

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from muro_zenoh import channels
 from muro_zenoh.messages import SetBehaviour
+from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import memory_fleet, scenario
-from tests.support.virtual_time import run_virtually
 
 STUBBORN = """
 import asyncio
@@ -49,16 +50,16 @@ def test_who_does_not_leave_has_no_say_any_more(
     async def main() -> None:
         async with memory_fleet(scenario(1, f"lab_stubborn:{behaviour}")) as fleet:
             try:
-                await fleet.until(lambda: fleet.told("r1") != (0.0, 0.0), 3, "it drives")
-                fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="hold")))
-                await fleet.until(lambda: fleet.told("r1") == (0.0, 0.0), 0.2, "it stands")
+                await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 3, "it drives")
+                await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold"))
+                await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.2, "it stands")
                 for _ in range(30):
                     await asyncio.sleep(0.1)
-                    assert fleet.told("r1") == (0.0, 0.0)
+                    assert fleet.commanded("r1") == (0.0, 0.0)
                 assert fleet.holds("r1", "the behaviour is hold")
                 assert any("has not left" in r.message for r in caplog.records) == (behaviour == "deaf")
-                fleet.order(fleet.kept.set_behaviour(SetBehaviour(behaviour="circle")))
-                await fleet.until(lambda: fleet.told("r1") != (0.0, 0.0), 2, "the next one is taken")
+                await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
+                await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 2, "the next one is taken")
             finally:
                 sys.modules["lab_stubborn"].OVER.set()
                 await asyncio.sleep(0.2)

@@ -5,8 +5,9 @@ import pytest
 
 from basestation.localization.frames import decode_frame
 from basestation.localization.homography import Homography
-from basestation.localization.localizer import Localizer, Sighting, fit_squares
+from basestation.localization.localizer import Localizer, fit_squares
 from basestation.localization.markers import Marker, TagDetector
+from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Pose2, TagMount, View, straight_down_view, wrap_to_pi
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg

@@ -6,8 +6,8 @@ import asyncio
 
 from muro_zenoh import channels
 from muro_zenoh.messages import SpeedReference
+from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import memory_fleet, scenario
-from tests.support.virtual_time import run_virtually
 
 
 def test_a_speed_below_zero_is_none() -> None:
@@ -16,12 +16,12 @@ def test_a_speed_below_zero_is_none() -> None:
     async def main() -> None:
         async with memory_fleet(scenario(1, "circle")) as fleet:
             velocity = (await fleet.bus()).publisher(channels.VELOCITY, "r1")
-            await fleet.until(lambda: fleet.told("r1")[0] > 0.1, 3, "it drives")
+            await fleet.until(lambda: fleet.commanded("r1")[0] > 0.1, 3, "it drives")
             for i in range(30):
                 velocity.put(SpeedReference(speed=-0.3))
                 await asyncio.sleep(0.1)
-                assert fleet.told("r1")[0] >= 0.0
-                assert fleet.told("r1")[0] == 0.0 or i < 3
+                assert fleet.commanded("r1")[0] >= 0.0
+                assert fleet.commanded("r1")[0] == 0.0 or i < 3
             assert abs(fleet.speed("r1")) < 0.01
 
     run_virtually(main())

@@ -11,7 +11,7 @@ import pytest
 
 from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import Scenario, parse_scenario
-from muro_zenoh.errors import ConfigError
+from muro_zenoh.errors import ConfigError, OrderRefused
 from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
 from muro_zenoh.safety.stop import StopLatch
 
@@ -25,18 +25,22 @@ def fresh(path: Path | None = None, robots: int = 3) -> StateStore:
     return StateStore(scenario(robots), path)
 
 
+def files_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
 def stopped(kept: StateStore) -> tuple[bool, tuple[str, ...]]:
     return kept.stop.all, kept.stop.names
 
 
-def said(latched: bool, revision: int, everybody: bool = False) -> Health:
+def reports(latched: bool, revision: int, everybody: bool = False) -> Health:
     return Health(role="agent", state="x", stop_latched=latched, stop_all=everybody, stop_revision=revision)
 
 
 # ---- the start
 
 
-def test_it_begins_as_the_scenario_says() -> None:
+async def test_it_begins_as_the_scenario_says() -> None:
     kept = fresh()
     assert (kept.circle.x, kept.circle.y, kept.circle.radius, kept.circle.clockwise) == (0.0, 0.0, 0.8, False)
     assert kept.behaviour("r2").behaviour == "pursuit"
@@ -48,9 +52,9 @@ def test_it_begins_as_the_scenario_says() -> None:
 # ---- the circle
 
 
-def test_a_kept_circle_that_does_not_fit_a_smaller_arena_is_not_taken_over(tmp_path: Path) -> None:
+async def test_a_kept_circle_that_does_not_fit_a_smaller_arena_is_not_used(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    assert fresh(path).set_circle(SetCircle(radius=1.2)).accepted
+    await fresh(path).set_circle(SetCircle(radius=1.2))
     assert fresh(path).circle.radius == 1.2
     table = {"robots": 3, "arena": {"y_min": -1.1, "y_max": 1.1}, "circle": {"radius": 0.7}}
     assert StateStore(parse_scenario(table, "lab.toml", name="lab"), path).circle.radius == 0.7
@@ -66,12 +70,11 @@ def test_a_kept_circle_that_does_not_fit_a_smaller_arena_is_not_taken_over(tmp_p
         (SetCircle(), (0.0, 0.0, 0.8, False)),
     ],
 )
-def test_a_circle_order_changes_what_it_names(order: SetCircle, expected: tuple[object, ...]) -> None:
+async def test_a_circle_order_changes_what_it_names(order: SetCircle, expected: tuple[object, ...]) -> None:
     kept = fresh()
     before = kept.state.revision
-    reply = kept.set_circle(order)
-    assert reply.accepted
-    assert reply.revision == kept.circle.revision == before + 1
+    await kept.set_circle(order)
+    assert kept.revision == kept.circle.revision == before + 1
     c = kept.circle
     assert (c.x, c.y, c.radius, c.clockwise) == expected
 
@@ -79,241 +82,241 @@ def test_a_circle_order_changes_what_it_names(order: SetCircle, expected: tuple[
 @pytest.mark.parametrize(
     "order", [SetCircle(radius=1.4), SetCircle(x=1.5), SetCircle(y=-9.0), SetCircle(x=1e308), SetCircle(radius=1e308)]
 )
-def test_a_circle_that_leaves_the_arena_is_refused(order: SetCircle) -> None:
+async def test_a_circle_that_leaves_the_arena_is_refused(order: SetCircle) -> None:
     kept = fresh()
     before = kept.state
-    reply = kept.set_circle(order)
-    assert not reply.accepted
-    assert "stay inside the arena" in reply.reason
+    with pytest.raises(OrderRefused, match="stay inside the arena"):
+        await kept.set_circle(order)
     assert kept.state == before
 
 
-def test_a_refusal_says_how_large_a_circle_may_be() -> None:
-    reply = fresh().set_circle(SetCircle(radius=1.4))
-    assert "expected at most 1.323 m" in reply.reason  # 1.5 m to the wall less a body of 0.177 m
+async def test_a_refusal_says_how_large_a_circle_may_be() -> None:
+    with pytest.raises(OrderRefused, match=r"expected at most 1\.323 m"):  # 1.5 m to the wall less a body of 0.177 m
+        await fresh().set_circle(SetCircle(radius=1.4))
 
 
 # ---- the behaviours
 
 
-def test_a_behaviour_order_changes_those_it_names() -> None:
+async def test_a_behaviour_order_changes_those_it_names() -> None:
     kept = fresh()
-    assert kept.set_behaviour(SetBehaviour(behaviour="circle", parameters={"speed": 0.1}, names=("r1", "r3"))).accepted
+    await kept.set_behaviour(SetBehaviour(behaviour="circle", parameters={"speed": 0.1}, names=("r1", "r3")))
     assert [kept.behaviour(name).behaviour for name in ("r1", "r2", "r3")] == ["circle", "pursuit", "circle"]
     assert kept.behaviour("r1").parameters == {"speed": 0.1}
 
 
-def test_a_behaviour_order_without_names_is_for_everybody() -> None:
+async def test_a_behaviour_order_without_names_is_for_everybody() -> None:
     kept = fresh()
-    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    await kept.set_behaviour(SetBehaviour(behaviour="hold"))
     assert {kept.behaviour(name).behaviour for name in ("r1", "r2", "r3")} == {"hold"}
 
 
-def test_a_behaviour_order_to_a_stranger_is_refused() -> None:
+async def test_a_behaviour_order_to_an_unknown_robot_is_refused() -> None:
     kept = fresh()
     before = kept.state
-    reply = kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r1", "r8", "r9")))
-    assert (reply.accepted, reply.reason) == (False, "robot r8, r9: expected names out of r1, r2, r3")
+    with pytest.raises(OrderRefused, match=r"^robot r8, r9: expected names out of r1, r2, r3$"):
+        await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r1", "r8", "r9")))
     assert kept.state == before
 
 
 # ---- stop and resume
 
 
-def test_stops_add_up() -> None:
+async def test_stops_add_up() -> None:
     kept = fresh()
-    assert kept.set_stop(Stop(names=("r2",))).accepted
+    await kept.add_stop(Stop(names=("r2",)))
     assert stopped(kept) == (False, ("r2",))
-    kept.set_stop(Stop(names=("r1",)))
+    await kept.add_stop(Stop(names=("r1",)))
     assert stopped(kept) == (False, ("r1", "r2"))
-    kept.set_stop(Stop())
+    await kept.add_stop(Stop())
     assert stopped(kept) == (True, ("r1", "r2"))
 
 
-def test_a_stop_of_a_robot_that_no_file_names_is_kept_too() -> None:
+async def test_a_stop_of_a_robot_that_no_file_names_is_kept_too() -> None:
     kept = fresh()
-    assert kept.set_stop(Stop(names=("visitor",))).accepted
+    await kept.add_stop(Stop(names=("visitor",)))
     assert stopped(kept) == (False, ("visitor",))
 
 
-def test_resume_lifts_everything() -> None:
+async def test_resume_lifts_everything() -> None:
     kept = fresh()
-    kept.set_stop(Stop(names=("r1",)))
-    kept.set_stop(Stop())
+    await kept.add_stop(Stop(names=("r1",)))
+    await kept.add_stop(Stop())
     before = kept.stop.revision
-    assert kept.resume(Resume(revision=before)).accepted
+    await kept.resume(Resume(revision=before))
     assert stopped(kept) == (False, ())
     assert kept.stop.revision > before  # only a newer revision lifts what the robots latched
 
 
-def test_resume_of_one_leaves_the_others_stopped() -> None:
+async def test_resume_of_one_leaves_the_others_stopped() -> None:
     kept = fresh()
-    kept.set_stop(Stop())
-    assert kept.resume(Resume(revision=kept.stop.revision, names=("r2",))).accepted
+    await kept.add_stop(Stop())
+    await kept.resume(Resume(revision=kept.stop.revision, names=("r2",)))
     assert stopped(kept) == (False, ("r1", "r3"))
-    assert kept.resume(Resume(revision=kept.stop.revision, names=("r3",))).accepted
+    await kept.resume(Resume(revision=kept.stop.revision, names=("r3",)))
     assert stopped(kept) == (False, ("r1",))
 
 
-def test_resume_of_one_leaves_those_stopped_that_no_file_names() -> None:
+async def test_resume_of_one_leaves_those_stopped_that_no_file_names() -> None:
     kept = fresh()
-    kept.set_stop(Stop(names=("visitor",)))
-    kept.set_stop(Stop())
-    assert kept.resume(Resume(revision=kept.stop.revision, names=("r2",))).accepted
+    await kept.add_stop(Stop(names=("visitor",)))
+    await kept.add_stop(Stop())
+    await kept.resume(Resume(revision=kept.stop.revision, names=("r2",)))
     assert stopped(kept) == (False, ("r1", "r3", "visitor"))
 
 
-def test_resume_is_refused_when_a_stop_came_in_between() -> None:
+async def test_resume_is_refused_when_a_stop_came_in_between() -> None:
     kept = fresh()
-    kept.set_stop(Stop(names=("r1",)))
+    await kept.add_stop(Stop(names=("r1",)))
     looked = kept.stop.revision
-    kept.set_stop(Stop(names=("r2",)))
-    reply = kept.resume(Resume(revision=looked))
-    assert not reply.accepted
-    assert f"got revision {looked}, expected {kept.stop.revision}" in reply.reason
+    await kept.add_stop(Stop(names=("r2",)))
+    with pytest.raises(OrderRefused, match=f"got revision {looked}, expected {kept.stop.revision}"):
+        await kept.resume(Resume(revision=looked))
     assert stopped(kept) == (False, ("r1", "r2"))
 
 
-def test_a_change_of_the_circle_is_no_reason_to_refuse_a_resume() -> None:
+async def test_a_change_of_the_circle_is_no_reason_to_refuse_a_resume() -> None:
     kept = fresh()
-    kept.set_stop(Stop())
+    await kept.add_stop(Stop())
     looked = kept.stop.revision
-    kept.set_circle(SetCircle(radius=0.9))
-    assert kept.resume(Resume(revision=looked)).accepted
+    await kept.set_circle(SetCircle(radius=0.9))
+    await kept.resume(Resume(revision=looked))
 
 
-def test_resume_of_a_stranger_is_refused() -> None:
+async def test_resume_of_an_unknown_robot_is_refused() -> None:
     kept = fresh()
-    kept.set_stop(Stop())
-    reply = kept.resume(Resume(revision=kept.stop.revision, names=("r9",)))
-    assert (reply.accepted, reply.reason) == (False, "robot r9: expected names out of r1, r2, r3")
+    await kept.add_stop(Stop())
+    with pytest.raises(OrderRefused, match=r"^robot r9: expected names out of r1, r2, r3$"):
+        await kept.resume(Resume(revision=kept.stop.revision, names=("r9",)))
     assert stopped(kept) == (True, ())
 
 
-def test_resume_when_nobody_is_stopped_is_harmless() -> None:
+async def test_resume_when_nobody_is_stopped_is_harmless() -> None:
     kept = fresh()
-    assert kept.resume(Resume(revision=0)).accepted
+    await kept.resume(Resume(revision=0))
     assert stopped(kept) == (False, ())
 
 
-def test_every_change_raises_the_revision() -> None:
+async def test_every_change_raises_the_revision() -> None:
     kept = fresh()
     seen = [kept.state.revision]
-    kept.set_circle(SetCircle(radius=0.7))
+    await kept.set_circle(SetCircle(radius=0.7))
     seen.append(kept.state.revision)
-    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    await kept.set_behaviour(SetBehaviour(behaviour="hold"))
     seen.append(kept.state.revision)
-    kept.set_stop(Stop())
+    await kept.add_stop(Stop())
     seen.append(kept.state.revision)
-    kept.resume(Resume(revision=kept.stop.revision))
+    await kept.resume(Resume(revision=kept.stop.revision))
     seen.append(kept.state.revision)
     assert seen == sorted(set(seen))
 
 
-def test_only_a_change_of_the_stop_raises_its_revision() -> None:
+async def test_only_a_change_of_the_stop_raises_its_revision() -> None:
     kept = fresh()
     before = kept.stop.revision
-    kept.set_circle(SetCircle(radius=0.7))
-    kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    await kept.set_circle(SetCircle(radius=0.7))
+    await kept.set_behaviour(SetBehaviour(behaviour="hold"))
     assert kept.stop.revision == before
-    kept.set_stop(Stop(names=("r1",)))
+    await kept.add_stop(Stop(names=("r1",)))
     assert kept.stop.revision > before
 
 
-# ---- stops that this process never heard
+# ---- stops that this process never received
 
 
 @pytest.mark.parametrize("ahead", [0, 1, 7])
-def test_a_stop_to_everybody_is_taken_over_from_a_robot(ahead: int) -> None:
+async def test_a_stop_to_everybody_is_adopted_from_a_robot(ahead: int) -> None:
     kept = fresh()
     revision = kept.stop.revision + ahead
-    assert kept.adopt("r1", said(True, revision, everybody=True))
+    assert kept.adopt("r1", reports(True, revision, everybody=True))
     assert stopped(kept) == (True, ())
     assert kept.stop.revision > revision
 
 
-def test_a_stop_by_name_is_taken_over_from_a_robot() -> None:
+async def test_a_stop_by_name_is_adopted_from_a_robot() -> None:
     kept = fresh()
     revision = kept.stop.revision
-    assert kept.adopt("r1", said(True, revision))
-    assert kept.adopt("r2", said(True, kept.stop.revision))
+    assert kept.adopt("r1", reports(True, revision))
+    assert kept.adopt("r2", reports(True, kept.stop.revision))
     assert stopped(kept) == (False, ("r1", "r2"))
     # They go on saying so; it is known now.
-    assert not kept.adopt("r1", said(True, kept.stop.revision))
-    assert not kept.adopt("r1", said(True, revision))
+    assert not kept.adopt("r1", reports(True, kept.stop.revision))
+    assert not kept.adopt("r1", reports(True, revision))
 
 
-def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None:
+async def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None:
     kept = fresh()
     latches = {name: StopLatch() for name in ("r1", "r2", "r3")}
 
-    def tell() -> None:
+    def publish() -> None:
         for name, latch in latches.items():
             order = kept.stop
             latches[name] = latch.hear(name, everybody=order.all, names=order.names, revision=order.revision)
 
-    tell()
-    kept.set_stop(Stop())
-    tell()
-    kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
-    tell()
+    publish()
+    await kept.add_stop(Stop())
+    publish()
+    await kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
+    publish()
     for name, latch in latches.items():
-        assert not kept.adopt(name, said(latch.stopped, latch.revision, latch.everybody))
+        assert not kept.adopt(name, reports(latch.stopped, latch.revision, latch.everybody))
     assert stopped(kept) == (False, ("r2", "r3"))
     assert latches["r1"].may_drive
 
 
-def test_a_stop_that_was_kept_meanwhile_does_not_hide_one_that_a_robot_latched_before() -> None:
+async def test_a_stop_that_was_kept_meanwhile_does_not_hide_one_that_a_robot_latched_before() -> None:
     kept = fresh()
-    heard = kept.stop.revision
-    kept.set_stop(Stop(names=("r2",)))  # reaches it before r1 has told of the operator's stop that it heard itself
-    assert kept.adopt("r1", said(True, heard))
+    latched = kept.stop.revision
+    await kept.add_stop(
+        Stop(names=("r2",))
+    )  # published before r1 has reported the operator's stop that it received itself
+    assert kept.adopt("r1", reports(True, latched))
     assert stopped(kept) == (False, ("r1", "r2"))
-    assert kept.stop.revision > heard + 1
-    assert not kept.adopt("r1", said(True, heard))
-    assert not kept.adopt("r2", said(True, heard + 1))
+    assert kept.stop.revision > latched + 1
+    assert not kept.adopt("r1", reports(True, latched))
+    assert not kept.adopt("r2", reports(True, latched + 1))
 
 
-def test_a_stop_that_was_lifted_is_not_taken_over_again() -> None:
+async def test_a_stop_that_was_lifted_is_not_adopted_again() -> None:
     kept = fresh()
-    kept.set_stop(Stop())
+    await kept.add_stop(Stop())
     old = kept.stop.revision
-    kept.resume(Resume(revision=old))
-    assert not kept.adopt("r1", said(True, old, everybody=True))
+    await kept.resume(Resume(revision=old))
+    assert not kept.adopt("r1", reports(True, old, everybody=True))
     assert stopped(kept) == (False, ())
 
 
-def test_a_change_of_the_circle_does_not_lift_a_stop_that_robots_heard_straight_from_an_operator() -> None:
+async def test_a_change_of_the_circle_does_not_lift_a_stop_that_robots_received_straight_from_an_operator() -> None:
     kept = fresh()
-    heard = kept.stop.revision  # the operator's order carries the revision that everybody had
-    kept.set_circle(SetCircle(radius=0.9))
-    assert kept.stop.revision == heard  # at a tie the robots stay stopped
-    assert kept.adopt("r1", said(True, heard, everybody=True))
+    latched = kept.stop.revision  # the operator's order carries the revision that everybody had
+    await kept.set_circle(SetCircle(radius=0.9))
+    assert kept.stop.revision == latched  # at a tie the robots stay stopped
+    assert kept.adopt("r1", reports(True, latched, everybody=True))
     assert stopped(kept) == (True, ())
 
 
-def test_a_robot_that_knows_a_newer_revision_is_caught_up_with() -> None:
+async def test_a_robot_that_knows_a_newer_revision_is_caught_up_with() -> None:
     kept = fresh()
-    assert kept.adopt("r1", said(False, 40))
+    assert kept.adopt("r1", reports(False, 40))
     assert kept.stop.revision > 40
     assert stopped(kept) == (False, ())
 
 
-def test_a_robot_that_heard_nothing_changes_nothing() -> None:
+async def test_a_robot_that_received_nothing_changes_nothing() -> None:
     kept = fresh()
     before = kept.state
-    assert not kept.adopt("r1", said(False, 0))
+    assert not kept.adopt("r1", reports(False, 0))
     assert kept.state == before
 
 
 @pytest.mark.parametrize("absurd", [2**53 + 1, 2**64 - 1])
-def test_a_revision_that_no_count_can_reach_stops_but_is_not_taken_over(absurd: int) -> None:
+async def test_a_revision_that_no_count_can_reach_stops_but_is_not_adopted(absurd: int) -> None:
     kept = fresh()
-    assert kept.adopt("r1", said(True, absurd, everybody=True))
+    assert kept.adopt("r1", reports(True, absurd, everybody=True))
     assert stopped(kept) == (True, ())
     assert kept.stop.revision < 100
-    assert not kept.adopt("r1", said(True, absurd, everybody=True))
-    kept.resume(Resume(revision=absurd))
+    assert not kept.adopt("r1", reports(True, absurd, everybody=True))
+    await kept.resume(Resume(revision=absurd))
     assert stopped(kept) == (False, ())
     # It still goes over the wire.
     assert decode(encode(msgspec.structs.replace(kept.stop, stamp=1.0)), StopOrder).revision < 100
@@ -322,14 +325,14 @@ def test_a_revision_that_no_count_can_reach_stops_but_is_not_taken_over(absurd: 
 # ---- the file
 
 
-def test_all_of_it_outlives_the_process(tmp_path: Path) -> None:
+async def test_all_of_it_outlives_the_process(tmp_path: Path) -> None:
     path = tmp_path / "folder" / "state.json"
     kept = fresh(path)
-    kept.set_circle(SetCircle(x=0.2, y=-0.1, radius=0.6, clockwise=True))
-    kept.set_behaviour(
+    await kept.set_circle(SetCircle(x=0.2, y=-0.1, radius=0.6, clockwise=True))
+    await kept.set_behaviour(
         SetBehaviour(behaviour="mylab.swarm:flock", parameters={"gain": 1, "goals": ((0.5, 1.0),)}, names=("r2",))
     )
-    kept.set_stop(Stop(names=("r3",)))
+    await kept.add_stop(Stop(names=("r3",)))
     again = fresh(path)
     assert again.state == kept.state
     assert again.behaviour("r2").parameters == {"gain": 1, "goals": ((0.5, 1.0),)}
@@ -337,17 +340,17 @@ def test_all_of_it_outlives_the_process(tmp_path: Path) -> None:
     assert again.stop.revision == kept.stop.revision
 
 
-def test_without_a_file_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_without_a_file_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    fresh(None).set_stop(Stop())
-    assert list(tmp_path.iterdir()) == []
+    await fresh(None).add_stop(Stop())
+    assert files_in(tmp_path) == []
 
 
-def test_a_robot_that_the_file_does_not_know_begins_as_the_scenario_says(tmp_path: Path) -> None:
+async def test_a_robot_that_the_file_does_not_know_begins_as_the_scenario_says(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     kept = fresh(path, robots=2)
-    kept.set_behaviour(SetBehaviour(behaviour="hold"))
-    kept.set_stop(Stop(names=("r1",)))
+    await kept.set_behaviour(SetBehaviour(behaviour="hold"))
+    await kept.add_stop(Stop(names=("r1",)))
     stop = kept.stop
     again = fresh(path, robots=3)
     assert [again.behaviour(name).behaviour for name in ("r1", "r2", "r3")] == ["hold", "hold", "pursuit"]
@@ -355,19 +358,19 @@ def test_a_robot_that_the_file_does_not_know_begins_as_the_scenario_says(tmp_pat
     assert fresh(path, robots=3).state == again.state
 
 
-def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> None:
+async def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
     kept = fresh(path)
-    reply = kept.set_stop(Stop())
+    await kept.add_stop(Stop())
     assert json.loads(path.read_text())["stop_all"] is True
-    assert json.loads(path.read_text())["revision"] == reply.revision
-    assert [p.name for p in tmp_path.iterdir()] == ["state.json"]
+    assert json.loads(path.read_text())["revision"] == kept.revision
+    assert files_in(tmp_path) == ["state.json"]
 
 
-def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "state.json"
     kept = fresh(path)
-    kept.set_circle(SetCircle(radius=0.6))
+    await kept.set_circle(SetCircle(radius=0.6))
     before = path.read_bytes()
 
     def crash(fd: int) -> None:
@@ -375,14 +378,14 @@ def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(os, "fsync", crash)
     with pytest.raises(ConfigError, match=r"state\.json: got No space left on device"):
-        kept.set_circle(SetCircle(radius=0.7))
+        await kept.set_circle(SetCircle(radius=0.7))
     assert path.read_bytes() == before
     assert kept.circle.radius == 0.6  # what was refused does not hold
     monkeypatch.undo()
     assert fresh(path).circle.radius == 0.6
 
 
-def test_a_stop_holds_even_where_the_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_stop_holds_even_where_the_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = fresh(tmp_path / "state.json")
 
     def full(fd: int) -> None:
@@ -390,19 +393,19 @@ def test_a_stop_holds_even_where_the_disk_is_full(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ConfigError):
-        kept.set_stop(Stop(names=("r1",)))
+        await kept.add_stop(Stop(names=("r1",)))
     assert stopped(kept) == (False, ("r1",))
     with pytest.raises(ConfigError):
-        kept.set_stop(Stop())
+        await kept.add_stop(Stop())
     assert stopped(kept) == (True, ("r1",))
     with pytest.raises(ConfigError):
-        kept.resume(Resume(revision=kept.stop.revision))
+        await kept.resume(Resume(revision=kept.stop.revision))
     assert stopped(kept) == (True, ("r1",))
 
 
-def test_a_resume_that_cannot_be_kept_lifts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_resume_that_cannot_be_kept_lifts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = fresh(tmp_path / "state.json")
-    kept.set_stop(Stop())
+    await kept.add_stop(Stop())
     before = kept.state
 
     def full(fd: int) -> None:
@@ -410,7 +413,7 @@ def test_a_resume_that_cannot_be_kept_lifts_nothing(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ConfigError):
-        kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
+        await kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
     assert kept.state == before
 
 
@@ -419,7 +422,7 @@ def test_a_resume_that_cannot_be_kept_lifts_nothing(tmp_path: Path, monkeypatch:
     [b"", b"{", b"\xff\xfe", b"[]", b'{"revision": 1}', b'{"revision": "one"}', b"null"],
     ids=["empty", "half", "no text", "a list", "incomplete", "wrong type", "null"],
 )
-def test_a_file_that_is_no_state_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
+async def test_a_file_that_is_no_state_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "state.json"
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
@@ -429,11 +432,28 @@ def test_a_file_that_is_no_state_is_refused_and_left_alone(tmp_path: Path, conte
     assert path.read_bytes() == content
 
 
-def test_a_state_with_a_wrong_value_or_key_is_refused(tmp_path: Path) -> None:
+async def test_a_state_with_a_wrong_value_or_key_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    fresh(path).set_stop(Stop())
+    await fresh(path).add_stop(Stop())
     good = json.loads(path.read_text())
-    for change in ({"radius": 0.0}, {"stop_all": "yes"}, {"stop_names": ["R 1"]}, {"speed": 1.0}):
+    for change in (
+        {"circle": [0.0, 0.0, 0.0, False]},
+        {"circle": [0.0, 0.0]},
+        {"stop_all": "yes"},
+        {"stop_names": ["R 1"]},
+        {"speed": 1.0},
+    ):
         path.write_text(json.dumps({**good, **change}))
         with pytest.raises(ConfigError, match="no kept state"):
             fresh(path)
+
+
+async def test_a_file_of_the_layout_before_the_circle_was_one_value_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    await fresh(path).add_stop(Stop())
+    old = json.loads(path.read_text())
+    old["x"], old["y"], old["radius"], old["clockwise"] = old.pop("circle")
+    path.write_text(json.dumps(old))
+    with pytest.raises(ConfigError, match=r"state\.json: got a file that is no kept state: .*`x`") as caught:
+        fresh(path)
+    assert "Move it away to start from the scenario" in str(caught.value)

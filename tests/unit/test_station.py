@@ -16,9 +16,9 @@ from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError, TransportError
 from muro_zenoh.messages import Clear, Estimate, Frame, Health, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
-from tests.support.virtual_time import VirtualClock, run_virtually
 
 LAB = parse_scenario({"robots": 2, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
 

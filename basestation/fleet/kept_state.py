@@ -1,0 +1,209 @@
+"""The kept state as a value, and what each order makes of it. No file, no clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta, Struct
+
+from muro_zenoh.config import Scenario
+from muro_zenoh.errors import OrderRefused
+from muro_zenoh.geometry import Circle
+from muro_zenoh.messages import Health, Name, Resume, SetBehaviour, SetCircle, Value
+from muro_zenoh.safety.stop import MOST_REVISION
+
+
+class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
+    """A robot's behaviour and its parameters."""
+
+    behaviour: str
+    parameters: dict[str, Value] = {}
+
+
+class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All that outlives the base station.
+
+    Attributes:
+        revision: rises with every change; the circle and the behaviours carry it.
+        stop_revision: the revision of the newest change of the stop, which stop orders carry. It has one of its own,
+            because a newer revision lifts a stop that robots received straight from an operator: a change of the circle
+            must not.
+        circle: the circle to follow.
+        behaviour: of each robot.
+        stop_all: everybody is stopped.
+        stop_names: ... or these are.
+
+    Raises:
+        ValueError: a radius that is not positive.
+    """
+
+    revision: Annotated[int, Meta(ge=0)] = 1
+    stop_revision: Annotated[int, Meta(ge=0)] = 1
+    circle: Circle
+    behaviour: dict[Name, KeptBehaviour]
+    stop_all: bool = False
+    stop_names: tuple[Name, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.circle.radius > 0.0:
+            raise ValueError(f"circle: got a radius of {self.circle.radius:g} m, expected more than 0")
+
+    @classmethod
+    def initial(cls, scenario: Scenario) -> KeptState:
+        """What holds when nothing was ever kept.
+
+        Args:
+            scenario: the settings.
+        """
+        behaviours = {name: _initial_behaviour(scenario, name) for name in scenario.robot}
+        return cls(circle=scenario.circle.circle, behaviour=behaviours)
+
+    def fitted_to(self, scenario: Scenario) -> KeptState:
+        """This state for another scenario than it was kept for: with its robots, and a circle that fits its arena.
+
+        Args:
+            scenario: the settings.
+
+        Returns:
+            This very state when it fits.
+        """
+        fresh = scenario.circle.circle
+        new = self
+        if self.circle.radius > largest_radius(self.circle, scenario) and self.circle != fresh:
+            new = new._changed(circle=fresh)
+        missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
+        return new._changed(behaviour={**self.behaviour, **missing}) if missing else new
+
+    # ---- orders
+
+    def with_circle(self, order: SetCircle, scenario: Scenario) -> KeptState:
+        """The state with another circle.
+
+        Args:
+            order: what is None stays as it is.
+            scenario: the settings.
+
+        Raises:
+            OrderRefused: robots on the circle would leave the arena.
+        """
+        asked = {name: value for name in Circle._fields if (value := getattr(order, name)) is not None}
+        new = self.circle._replace(**asked)
+        largest = largest_radius(new, scenario)
+        if new.radius > largest:
+            raise OrderRefused(
+                f"circle: got {new.radius:g} m round ({new.x:g}, {new.y:g}), expected at most {max(largest, 0.0):g} m "
+                "there, so that the robots stay inside the arena"
+            )
+        return self._changed(circle=new)
+
+    def with_behaviour(self, order: SetBehaviour, scenario: Scenario) -> KeptState:
+        """The state with another behaviour of the robots that the order names, or of all.
+
+        Args:
+            order: the order.
+            scenario: the settings.
+
+        Raises:
+            OrderRefused: a robot that the settings do not have.
+        """
+        check_names(order.names, scenario)
+        new = KeptBehaviour(order.behaviour, order.parameters)
+        return self._changed(behaviour={**self.behaviour, **dict.fromkeys(order.names or scenario.robots, new)})
+
+    def with_stop(self, names: Iterable[str], *, everybody: bool, above: int = 0) -> KeptState:
+        """The state with a stop added to those that hold.
+
+        Args:
+            names: the robots to stop.
+            everybody: stop all robots.
+            above: its revision is above this one, too.
+        """
+        return self._stopping(self.stop_all or everybody, {*self.stop_names, *names}, above)
+
+    def resumed(self, order: Resume, scenario: Scenario) -> KeptState:
+        """The state with the stop of some robots lifted, or everybody's.
+
+        Args:
+            order: the order.
+            scenario: the settings.
+
+        Raises:
+            OrderRefused: the stop has changed since the operator looked, or a robot that the settings do not have.
+        """
+        if order.revision < self.stop_revision and (self.stop_all or self.stop_names):
+            raise OrderRefused(
+                f"resume: got revision {order.revision}, expected {self.stop_revision}: "
+                "an order came in between; look again, then resume"
+            )
+        check_names(order.names, scenario)
+        stopped = {*self.stop_names, *(scenario.robots if self.stop_all else ())}
+        return self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
+
+    def adopting(self, name: str, health: Health, resumed: int) -> KeptState:
+        """The state with a stop that a robot received straight from an operator, or with a newer revision than this.
+
+        Args:
+            name: of the robot.
+            health: what its agent reports.
+            resumed: the revision of the newest resume: what was latched before it is lifted; what was latched since is
+                not, whatever other stops were kept in between.
+
+        Returns:
+            This very state when there is nothing new.
+        """
+        known = self.stop_revision
+        latched = health.stop_revision if health.stop_revision <= MOST_REVISION else known
+        if health.stop_latched and latched >= resumed:
+            already = self.stop_all or (not health.stop_all and name in self.stop_names)
+            if already and latched <= known:
+                return self
+            return self.with_stop(() if health.stop_all else (name,), everybody=health.stop_all, above=latched)
+        return self.with_stop((), everybody=False, above=latched) if latched > known else self
+
+    # ---- inside
+
+    def _stopping(self, everybody: bool, names: Iterable[str], above: int) -> KeptState:
+        revision = self._next_revision(above)
+        return msgspec.structs.replace(
+            self, revision=revision, stop_revision=revision, stop_all=everybody, stop_names=tuple(sorted(names))
+        )
+
+    def _changed(self, **fields: object) -> KeptState:
+        return msgspec.structs.replace(self, revision=self._next_revision(0), **fields)
+
+    def _next_revision(self, above: int) -> int:
+        return max(self.revision, self.stop_revision, above if above <= MOST_REVISION else 0) + 1
+
+
+def largest_radius(circle: Circle, scenario: Scenario) -> float:
+    """The largest radius [m] round a circle's centre on which every robot stays inside the arena.
+
+    Args:
+        circle: only its centre counts.
+        scenario: the settings.
+    """
+    a = scenario.arena
+    edge = min(circle.x - a.x_min, a.x_max - circle.x, circle.y - a.y_min, a.y_max - circle.y)
+    return edge - max(robot.radius for robot in scenario.robot.values())
+
+
+def check_names(names: Sequence[str], scenario: Scenario) -> None:
+    """Refuse an order to robots that the settings do not have.
+
+    Args:
+        names: of the robots.
+        scenario: the settings.
+
+    Raises:
+        OrderRefused: a robot that the settings do not have.
+    """
+    unknown = [name for name in names if name not in scenario.robot]
+    if unknown:
+        raise OrderRefused(f"robot {', '.join(unknown)}: expected names out of {', '.join(scenario.robots)}")
+
+
+def _initial_behaviour(scenario: Scenario, name: str) -> KeptBehaviour:
+    behaviour = scenario.behaviour_of(name)
+    return KeptBehaviour(behaviour.name, behaviour.parameters)

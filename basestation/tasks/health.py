@@ -1,0 +1,81 @@
+"""How the base station is: report once a second, and leave when another base station was here before."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+from basestation.tasks.kept_state import KeptStateTask
+from basestation.tasks.positions import PositionsTask
+from muro_zenoh import channels
+from muro_zenoh.errors import TransportError
+from muro_zenoh.messages import Health
+from muro_zenoh.transport import Bus
+
+_PERIOD = 1.0
+_RUNNING = "running"
+
+_OTHER_GONE = 3.0
+"""Another base station that has been silent for longer is gone [s]."""
+
+
+class HealthTask:
+    """Reports the base station's health, and reads that of any other one.
+
+    Args:
+        bus: the bus.
+        kept: the kept state's task.
+        positions: the fleet's table.
+        robots: the names of the robots.
+    """
+
+    def __init__(self, bus: Bus, kept: KeptStateTask, positions: PositionsTask, robots: tuple[str, ...]) -> None:
+        self._bus = bus
+        self._kept = kept
+        self._positions = positions
+        self._robots = robots
+        self._own = bus.publisher(channels.HEALTH, "basestation")
+        self._reports = bus.every(channels.HEALTH, "basestation")
+        self._roster = bus.roster()
+        self._other_seen = -math.inf
+
+    async def report(self) -> None:
+        """Publish the health once a second."""
+        positions = self._positions
+        while True:
+            numbers = {
+                "frames": float(positions.frames),
+                "bad_frames": float(positions.bad_frames),
+                "stale_frames": float(positions.stale_frames),
+                **self._bus.numbers(),
+            }
+            state = _RUNNING if self._kept.adopted else "starting"
+            self._own.put(Health(role="basestation", state=state, reasons=self._reasons(), numbers=numbers))
+            await asyncio.sleep(_PERIOD)
+
+    def _reasons(self) -> tuple[str, ...]:
+        reasons = []
+        if self._bus.clock.now() - self._other_seen < _OTHER_GONE:
+            reasons.append("another base station is running: end one of them")
+        alive = self._roster.of("agent")
+        reasons += [f"no agent of {name}" for name in self._robots if name not in alive]
+        for complaints in self._positions.complaints.values():
+            reasons += complaints
+        return tuple(reasons)
+
+    async def be_the_only_one(self) -> None:
+        """Two base stations would publish different states in turn: the one that comes later leaves.
+
+        Raises:
+            TransportError: this one has come later.
+        """
+        async for received in self._reports:
+            other = received.message
+            if other.epoch == self._bus.epoch:
+                continue
+            if not self._kept.adopted and (other.state == _RUNNING or other.epoch < self._bus.epoch):
+                raise TransportError(
+                    f"realm {self._bus.realm}: got another base station on this router, expected to be the only one. "
+                    "End the other one first, or give this lab a [bus] realm of its own"
+                )
+            self._other_seen = self._bus.clock.now()

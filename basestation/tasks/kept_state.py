@@ -1,0 +1,93 @@
+"""The kept state: publish circle, behaviours and stop twice a second, and adopt stops that robots have latched."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable
+
+from basestation.fleet.state_store import StateStore
+from muro_zenoh import channels
+from muro_zenoh.errors import ConfigError
+from muro_zenoh.transport import Bus
+
+log = logging.getLogger(__name__)
+
+_PERIOD = 0.5
+
+_SHORTEST_ADOPTION = 0.15
+"""After its start the base station listens to the robots' health for at least this long before it publishes the stop
+state [s]: a stop that an operator gave while no base station ran must not be contradicted by the file ..."""
+
+_LONGEST_ADOPTION = 1.5
+"""... and for at most this long, until each agent that is alive has reported [s]."""
+
+_CHECK_PERIOD = 0.02
+
+
+class KeptStateTask:
+    """Publishes the kept state.
+
+    Args:
+        bus: the bus.
+        store: what is kept.
+
+    Attributes:
+        adopted: the robots that are alive have been heard, or were given the time to be; until then nothing is
+            published.
+    """
+
+    def __init__(self, bus: Bus, store: StateStore) -> None:
+        self.adopted = False
+        self._store = store
+        self._circle = bus.publisher(channels.CIRCLE)
+        self._stop = bus.publisher(channels.STOP)
+        self._behaviours = {name: bus.publisher(channels.BEHAVIOUR, name) for name in store.robots}
+        self._healths = bus.every(channels.HEALTH, "*", depth=256)
+        self._roster = bus.roster()
+        self._heard: set[str] = set()
+
+    async def run(self) -> None:
+        """Adopt first, then publish for ever."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._adopt(tasks), name="adopt stops")
+            await asyncio.sleep(_SHORTEST_ADOPTION)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_LONGEST_ADOPTION - _SHORTEST_ADOPTION):
+                    while not self._roster.of("agent") <= self._heard:  # noqa: ASYNC110 - a roster and a mailbox at once
+                        await asyncio.sleep(_CHECK_PERIOD)
+            self.adopted = True
+            while True:
+                self.publish()
+                await asyncio.sleep(_PERIOD)
+
+    def publish(self) -> None:
+        """Publish the state as it is now, the stop first."""
+        if not self.adopted:
+            return
+        self._stop.put(self._store.stop)
+        self._circle.put(self._store.circle)
+        for name, publisher in self._behaviours.items():
+            publisher.put(self._store.behaviour(name))
+
+    async def _adopt(self, tasks: asyncio.TaskGroup) -> None:
+        """Listen to what the robots latched: a stop that this process never received is kept from now on."""
+        async for received in self._healths:
+            health = received.message
+            if health.role != "agent":
+                continue
+            saved = self._store.adopt(received.name, health)
+            self._heard.add(received.name)
+            if saved is not None:
+                log.warning("adopted the stop state of %s: %s", received.name, self._store.stop)
+                self.publish()
+                # The next robot's stop does not wait for the disk.
+                tasks.create_task(_logged(saved, received.name), name=f"save the stop of {received.name}")
+
+
+async def _logged(saved: Awaitable[None], name: str) -> None:
+    try:
+        await saved
+    except ConfigError as error:
+        log.error("the stop state of %s holds, but is not on the disk: %s", name, error)

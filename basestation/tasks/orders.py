@@ -1,0 +1,91 @@
+"""Orders to the base station: each is a query with one reply, accepted or refused with the reason.
+
+Nothing here waits for a camera. A change is on the disk before it is accepted; only a stop holds at once, and is
+published before the disk has it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable
+from typing import TypeVar
+
+from basestation.fleet.state_store import StateStore
+from basestation.tasks.kept_state import KeptStateTask
+from basestation.tasks.positions import PositionsTask
+from muro_zenoh import channels
+from muro_zenoh.errors import MuroError, OrderRefused
+from muro_zenoh.messages import Clear, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.transport import Bus
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=Message)
+
+
+class OrdersTask:
+    """Answers orders.
+
+    Args:
+        bus: the bus.
+        store: the kept state.
+        kept: publishes it.
+        positions: the fleet's table.
+    """
+
+    def __init__(self, bus: Bus, store: StateStore, kept: KeptStateTask, positions: PositionsTask) -> None:
+        self._bus = bus
+        self._store = store
+        self._kept = kept
+        self._positions = positions
+
+    def listen(self) -> None:
+        """Answer from now on, until the bus is closed."""
+        self._answer(channels.STOP_ORDER, self._stop)
+        self._answer(channels.RESUME, self._resume)
+        self._answer(channels.SET_CIRCLE, self._set_circle)
+        self._answer(channels.SET_BEHAVIOUR, self._set_behaviour)
+        self._answer(channels.CLEAR, self._clear)
+
+    def _answer(self, verb: channels.Verb[T], obey: Callable[[T], Awaitable[None]]) -> None:
+        async def answer(order: T) -> Reply:
+            try:
+                await obey(order)
+            except MuroError as error:
+                log.info("%s: refused: %s", order, error)
+                return Reply(accepted=False, reason=str(error), revision=self._store.revision)
+            log.info("%s: accepted", order)
+            return Reply(accepted=True, revision=self._store.revision)
+
+        self._bus.answer(verb, answer)
+
+    async def _stop(self, order: Stop) -> None:
+        saved = self._store.add_stop(order)
+        self._kept.publish()
+        await saved
+
+    async def _resume(self, order: Resume) -> None:
+        if not self._kept.adopted:  # it could lift a stop that an operator gave meanwhile, unseen
+            raise OrderRefused(
+                "resume: the base station has just started, and is still listening to what the robots have latched; "
+                "try again in 2 s"
+            )
+        await self._store.resume(order)
+        self._kept.publish()
+
+    async def _set_circle(self, order: SetCircle) -> None:
+        await self._store.set_circle(order)
+        self._kept.publish()
+
+    async def _set_behaviour(self, order: SetBehaviour) -> None:
+        self._check_behaviour(order)
+        await self._store.set_behaviour(order)
+        self._kept.publish()
+
+    def _check_behaviour(self, order: SetBehaviour) -> None:
+        """Refuse what must not be kept, before it is."""
+        self._store.check_names(order.names)
+
+    async def _clear(self, order: Clear) -> None:
+        if not self._positions.clear(order.name):
+            raise OrderRefused(f"robot {order.name} was never seen")

@@ -1,0 +1,106 @@
+"""The fleet's table: await sightings and estimates, send each robot's pose and all positions."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+
+from basestation.fleet.table import FleetTable, Motion
+from basestation.localization.sightings import Sightings, SightingSource
+from muro_zenoh import channels
+from muro_zenoh.messages import FleetSnapshot, PoseFix
+from muro_zenoh.transport import Bus
+
+_LONGEST_PERIOD = 0.2
+"""All positions are published after each frame, and at least this often [s]."""
+
+
+class PositionsTask:
+    """Publishes where the robots are.
+
+    Args:
+        bus: the bus.
+        robots: the names of the robots.
+
+    Attributes:
+        frames: frames that came in time, good or bad.
+        bad_frames: those of them that could not be used.
+        stale_frames: frames that came too late to be used.
+        complaints: what is wrong by the newest frame of each camera, by the camera's name.
+    """
+
+    def __init__(self, bus: Bus, robots: Iterable[str]) -> None:
+        self.frames = 0
+        self.bad_frames = 0
+        self.stale_frames = 0
+        self.complaints: dict[str, tuple[str, ...]] = {}
+        self._clock = bus.clock
+        self._table = FleetTable()
+        self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
+        self._snapshots = bus.publisher(channels.ALL_POSITIONS)
+        self._estimates = bus.latest(channels.ESTIMATE, "*")
+        self._published = 0.0
+
+    async def watch(self, source: SightingSource) -> None:
+        """Publish what one camera sees.
+
+        Args:
+            source: the camera.
+        """
+        async for sightings in source:
+            self._take(sightings)
+
+    async def repeat(self) -> None:
+        """Publish all positions also while no camera sees anything: their ages grow."""
+        while True:
+            silent = self._clock.now() - self._published
+            if silent >= _LONGEST_PERIOD:
+                self._publish_all()
+                silent = 0.0
+            await asyncio.sleep(_LONGEST_PERIOD - silent)
+
+    def clear(self, name: str) -> bool:
+        """Forget where a robot was last seen.
+
+        Args:
+            name: of the robot.
+
+        Returns:
+            Whether it was ever seen.
+        """
+        self._estimates.forget(name)
+        return self._table.clear(name)
+
+    def _take(self, sightings: Sightings) -> None:
+        self.complaints[sightings.camera] = sightings.complaints
+        if sightings.frame == "stale":
+            self.stale_frames += 1
+            return
+        self.frames += 1
+        if sightings.frame == "bad":
+            self.bad_frames += 1
+            return
+        captured = sightings.captured
+        for robot in sightings.robots:
+            now = self._clock.now()
+            x, y, theta = robot.pose
+            self._poses[robot.name].put(
+                PoseFix(
+                    stamp=now,
+                    age=max(0.0, now - captured),
+                    x=x,
+                    y=y,
+                    theta=theta,
+                    covariance=robot.covariance,
+                    camera=sightings.camera,
+                )
+            )
+            self._table.fix(robot.name, robot.pose, captured)
+        self._publish_all()
+
+    def _publish_all(self) -> None:
+        for name, estimate in self._estimates.values().items():
+            m = estimate.message
+            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.arrival - estimate.delay))
+        now = self._published = self._clock.now()
+        self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))

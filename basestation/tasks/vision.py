@@ -1,0 +1,127 @@
+"""Vision, one task per camera: await the newest frame, locate the robots in it off the loop, yield the sightings."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from concurrent.futures import Executor
+from typing import NamedTuple
+
+from basestation.localization.frames import decode_frame
+from basestation.localization.homography import Homography
+from basestation.localization.localizer import Localizer
+from basestation.localization.markers import TagDetector
+from basestation.localization.sightings import Sighting, Sightings, SightingSource
+from muro_zenoh import channels
+from muro_zenoh.config import CameraSettings, Scenario
+from muro_zenoh.errors import ConfigError, MessageError
+from muro_zenoh.messages import Frame
+from muro_zenoh.transport import Bus, Received
+
+log = logging.getLogger(__name__)
+
+
+class CameraOnBus:
+    """A camera whose frames come over the bus, as a :class:`~basestation.localization.sightings.SightingSource`.
+
+    Args:
+        bus: the bus.
+        localizer: finds the robots in its frames; nobody else may use it.
+        latency: least time from the capture of a frame to its arrival here [s].
+        executor: where frames are decoded and searched, one at a time.
+    """
+
+    def __init__(self, bus: Bus, localizer: Localizer, latency: float, executor: Executor) -> None:
+        self._bus = bus
+        self._localizer = localizer
+        self._latency = latency
+        self._executor = executor
+        self._name = localizer.camera
+        self._last_picture = b""
+        self._failing = False
+
+    async def __aiter__(self) -> AsyncIterator[Sightings]:
+        """Frames that come in while one is being searched are dropped for the newest."""
+        frames = self._bus.latest(channels.CAMERA, self._name)
+        try:
+            async for frame in frames:
+                yield await self._look(frame)
+        finally:
+            frames.close()
+
+    async def _look(self, frame: Received[Frame]) -> Sightings:
+        captured = frame.captured(self._latency)
+        age = frame.age(self._bus.clock.now())
+        if age > (channels.CAMERA.stale_after or 0.0):  # where robots were is not where they are
+            late = f"camera {self._name}: frames arrive {age:.1f} s late"
+            return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
+        loop = asyncio.get_running_loop()
+        try:
+            found = await loop.run_in_executor(self._executor, self._locate, frame.message)
+        except MessageError as error:
+            if not self._failing:
+                log.warning("camera %s: dropped a frame: %s (logged once until a good one comes)", self._name, error)
+            self._failing = True
+            bad = f"camera {self._name}: {error}"
+            return Sightings(camera=self._name, captured=captured, frame="bad", complaints=(bad,))
+        self._failing = False
+        return Sightings(camera=self._name, captured=captured, robots=found.robots, complaints=found.complaints)
+
+    def _locate(self, frame: Frame) -> _Found:
+        """In the executor."""
+        if frame.data == self._last_picture:
+            # No sensor gives the same bytes twice. The stamp is new; the poses in it are not.
+            raise MessageError("got the same picture as before, expected a new one: is the camera stuck?")
+        self._last_picture = frame.data
+        robots = self._localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
+        return _Found(tuple(robots), _tag_complaints(self._localizer))
+
+
+class _Found(NamedTuple):
+    robots: tuple[Sighting, ...]
+    complaints: tuple[str, ...]
+
+
+def _tag_complaints(localizer: Localizer) -> tuple[str, ...]:
+    sees = f"camera {localizer.camera} sees tag"
+    unknown = [f"{sees} {tag}, and no robot has it" for tag in sorted(localizer.unknown_tags)]
+    duplicate = [f"{sees} {tag} twice" for tag in sorted(localizer.duplicate_tags)]
+    misfit = [
+        f"{sees} {tag} {size:.3f} m large: is its tag_size right?"
+        for tag, size in sorted(localizer.misfit_tags.items())
+    ]
+    return (*unknown, *duplicate, *misfit)
+
+
+def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[SightingSource]:
+    """All cameras of a scenario, as sources of sightings.
+
+    Args:
+        bus: where their frames come in.
+        scenario: the settings.
+        executor: where frames are decoded and searched: with a thread per camera none waits for another.
+
+    Raises:
+        ConfigError: a camera's points fix no homography, or its family of tags is unknown.
+    """
+    return [
+        CameraOnBus(bus, _localizer(name, camera, scenario), camera.latency, executor)
+        for name, camera in scenario.camera.items()
+    ]
+
+
+def _localizer(name: str, camera: CameraSettings, scenario: Scenario) -> Localizer:
+    tags = {robot.tag: (key, robot.mount) for key, robot in scenario.robot.items() if robot.tag is not None}
+    try:
+        detector = TagDetector(camera.family)
+    except ValueError as error:
+        raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
+    return Localizer(
+        name,
+        Homography.fit(camera.views(scenario.arena), camera=name),
+        detector,
+        tags,
+        size=(camera.width, camera.height),
+        corner_noise=camera.sigma_pixels,
+    )
