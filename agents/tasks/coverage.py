@@ -9,10 +9,10 @@ from typing import NamedTuple
 from agents.robot import Robot
 from agents.tasks.dubins import DubinsParameters, drive_to_goals
 from muro_zenoh import channels
-from muro_zenoh.config.sections import NotNegative, Positive
 from muro_zenoh.messages import FleetSnapshot
 from muro_zenoh.planning.coverage import Density, Peaks, Point, cell, lloyd_goal
 from muro_zenoh.planning.rounds import Round, next_round
+from muro_zenoh.quantities import NotNegative, Positive
 
 _STALE = channels.ALL_POSITIONS.stale_after or 0.0
 _REST = 0.01

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from agents.robot import Robot
 from agents.tasks.goals import GoalParameters, Goals
-from muro_zenoh.config.sections import Positive, RobotSettings
+from muro_zenoh.config.sections import RobotSettings
 from muro_zenoh.control.path_tracking import TrackingGains
 from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.destination import Destination
+from muro_zenoh.quantities import Positive
 
 
 class DubinsParameters(GoalParameters, frozen=True, kw_only=True):

@@ -7,11 +7,11 @@ import logging
 from agents.robot import Robot
 from muro_zenoh import channels
 from muro_zenoh.config import Section
-from muro_zenoh.config.sections import Finite
 from muro_zenoh.errors import ConfigError, PlanningError
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import Ack, Goal
 from muro_zenoh.planning.arena import require_goal_inside
+from muro_zenoh.quantities import Number
 from muro_zenoh.transport import Received
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ class GoalParameters(Section, frozen=True, kw_only=True):
         pause: time to stand at a goal before the next one of the list [s].
     """
 
-    goals: tuple[tuple[Finite, ...], ...] = ()
+    goals: tuple[tuple[Number, ...], ...] = ()
     pause: float = 1.0
 
 

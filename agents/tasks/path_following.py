@@ -5,9 +5,9 @@ from __future__ import annotations
 from agents.robot import Robot
 from muro_zenoh import channels
 from muro_zenoh.config import Section
-from muro_zenoh.config.sections import NotNegative, Positive
 from muro_zenoh.control.circle import CircleLaw, circle_law
 from muro_zenoh.messages import SpeedReference
+from muro_zenoh.quantities import Positive, SpeedOrRest
 from muro_zenoh.transport import Latest
 
 _STALE = channels.VELOCITY.stale_after or 0.0
@@ -28,7 +28,7 @@ class CircleParameters(Section, frozen=True, kw_only=True):
     """
 
     law: str = "vector_field"
-    speed: NotNegative = 0.2
+    speed: SpeedOrRest = 0.2
     k_o: Positive | None = None
     k_h: Positive | None = None
     psi: Positive | None = None

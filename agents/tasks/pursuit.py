@@ -8,9 +8,9 @@ from agents.robot import Robot
 from agents.tasks.path_following import CircleParameters, follow_circle
 from muro_zenoh import channels
 from muro_zenoh.behaviours.entry_points import load_function
-from muro_zenoh.config.sections import NotNegative, Positive
 from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, pursue
 from muro_zenoh.messages import Estimate
+from muro_zenoh.quantities import NotNegative, Positive
 
 _STALE = channels.ALL_POSITIONS.stale_after or 0.0
 

@@ -9,9 +9,9 @@ from msgspec import Meta
 
 from agents.robot import Robot
 from agents.tasks.goals import GoalParameters, Goals
-from muro_zenoh.config.sections import Positive
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.geometry import STILL
+from muro_zenoh.quantities import Positive
 
 
 class SteerParameters(GoalParameters, frozen=True, kw_only=True):
