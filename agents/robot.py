@@ -17,8 +17,9 @@ from typing import Any, TypeVar
 from agents.tasks.drive import Drive
 from agents.tasks.localize import Localize
 from muro_zenoh import channels, config
+from muro_zenoh.arcs import advance
 from muro_zenoh.estimation.wheel_model import WheelLimits
-from muro_zenoh.geometry import Circle, Pose2, Twist2, advance
+from muro_zenoh.geometry import Circle, Pose2, Twist2
 from muro_zenoh.messages import (
     Ack,
     Cell,
