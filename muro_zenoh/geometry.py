@@ -78,22 +78,11 @@ def wrap_to_pi(angle: float) -> float:
 
 
 def ccw_gap(start: float, end: float) -> float:
-    """The counter-clockwise way from angle ``start`` to angle ``end``, in [0, 2 pi) [rad]."""
+    """The counter-clockwise angle from angle ``start`` to angle ``end``, in [0, 2 pi) [rad]."""
     gap = math.fmod(end - start, TWO_PI)
     if gap < 0.0:
         gap += TWO_PI
     return 0.0 if gap >= TWO_PI else gap
-
-
-def advance(pose: Pose2, v: float, omega: float, dt: float) -> Pose2:
-    """Where a unicycle at ``pose`` is after ``dt`` [s] at constant ``v`` [m/s] and ``omega`` [rad/s].
-
-    Exact along the arc (a chord through the mid heading, scaled by sinc), so it holds at any ``dt``.
-    """
-    half = 0.5 * omega * dt
-    chord = v * dt * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0)
-    mid = pose.theta + half
-    return Pose2(pose.x + chord * math.cos(mid), pose.y + chord * math.sin(mid), wrap_to_pi(pose.theta + omega * dt))
 
 
 class Circle(NamedTuple):

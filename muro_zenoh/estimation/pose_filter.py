@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from muro_zenoh.arcs import carry
 from muro_zenoh.estimation import ekf
 from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean, Stretch
 from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
@@ -189,7 +190,7 @@ class PoseFilter:
         """
         v, omega = estimate.v / estimate.s_v, estimate.omega / estimate.s_omega
         v1, omega1 = step_wheels(v, omega, *self._track.command_at(t, v, omega), self._limits, horizon)
-        x, y, theta = ekf.carry(
+        x, y, theta = carry(
             estimate.x,
             estimate.y,
             estimate.theta,

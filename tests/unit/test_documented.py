@@ -14,7 +14,7 @@ import pytest
 
 import muro_zenoh
 
-LAWS = ("control", "planning", "estimation", "safety", "simulation", "geometry")
+LAWS = ("control", "planning", "estimation", "safety", "simulation", "arcs", "geometry")
 
 
 def _modules() -> list[str]:

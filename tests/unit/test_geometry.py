@@ -15,7 +15,6 @@ from muro_zenoh.geometry import (
     Pose2,
     TagMount,
     Twist2,
-    advance,
     ccw_gap,
     straight_down_view,
     wrap_to_pi,
@@ -91,28 +90,6 @@ def test_composition_keeps_distances(frame: Pose2, pose: Pose2) -> None:
 
 def test_forwards_is_along_the_heading() -> None:
     assert_same(Pose2(1.0, 2.0, math.pi / 2).compose(Pose2(1.0, 0.5, 0.1)), Pose2(0.5, 3.0, math.pi / 2 + 0.1))
-
-
-@given(poses, st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.0, 3.0), st.floats(0.0, 3.0))
-def test_two_steps_are_one(pose: Pose2, v: float, omega: float, first: float, second: float) -> None:
-    assert_same(advance(advance(pose, v, omega, first), v, omega, second), advance(pose, v, omega, first + second))
-
-
-@given(poses, st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.0, 3.0))
-def test_a_step_back_undoes_a_step(pose: Pose2, v: float, omega: float, dt: float) -> None:
-    assert_same(advance(advance(pose, v, omega, dt), -v, -omega, dt), pose)
-
-
-def test_a_whole_turn_ends_where_it_began() -> None:
-    start = Pose2(0.3, -0.2, 1.0)
-    assert_same(advance(start, 0.2, 0.5, TWO_PI / 0.5), start)
-
-
-@given(poses, st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
-def test_hardly_a_turn_is_a_straight_line(pose: Pose2, v: float, dt: float) -> None:
-    # on both sides of where the series takes over
-    for omega in (0.0, 1e-9, 0.6e-6, 0.7e-6, 3e-6):
-        assert_same(advance(pose, v, omega, dt), advance(pose, v, 0.0, dt), tolerance=3e-5)
 
 
 def test_the_circles_direction() -> None:

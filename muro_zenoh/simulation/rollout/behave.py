@@ -31,7 +31,7 @@ class BehaviourRun(NamedTuple):
 class Robot(NamedTuple):
     """One robot of a snapshot.
 
-    ``name``; ``x``, ``y`` [m, world], ``theta`` [rad] of the newest fix; ``v`` [m/s], ``omega`` [rad/s] of its estimate;
+    ``name``; ``x``, ``y`` [m, world], ``theta`` [rad] of the newest fix; ``v`` [m/s], ``omega`` [rad/s] of the estimate;
     ``age`` of the fix [s]; ``state``.
     """
 
