@@ -234,7 +234,7 @@ def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path) -> list
     environment = _environment()
     agents = [ChildSpec(name, _python("agents.agent", str(file), name), environment) for name in scenario.robots]
     return [
-        ChildSpec("simulator", _python("agents.simulator", str(file), "--seed", str(seed)), environment),
+        ChildSpec("simulator", _python("muro_zenoh.cli.main", "sim", str(file), "--seed", str(seed)), environment),
         ChildSpec(
             "basestation",
             _python("basestation.station", str(file), "--state", str(folder / "state.json")),

@@ -59,7 +59,7 @@ class RealFleet:
         """Start processes side by side, and wait until all are ready."""
         commands = {
             "router": [str(CHILDREN / "router.py"), self.endpoint],
-            "simulator": ["-m", "agents.simulator", str(self._file), "--seed", str(self._seed)],
+            "simulator": ["-m", "muro_zenoh.cli.main", "sim", str(self._file), "--seed", str(self._seed)],
             "basestation": ["-m", "basestation.station", str(self._file), "--state", str(self._state)],
         }
         for name in names:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from agents.agent import Agent
-from agents.base.base import run_base
+from agents.base.run import run_base
 from agents.base.simulated import Floor, SimulatedWheels
 from basestation.fleet.state_store import StateStore
 from basestation.localization.sightings import Sighting, Sightings
