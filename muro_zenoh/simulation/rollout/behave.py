@@ -31,8 +31,8 @@ class BehaviourRun(NamedTuple):
 class Robot(NamedTuple):
     """One robot of a snapshot.
 
-    ``name``; ``x``, ``y`` [m, world], ``theta`` [rad] of the newest fix; ``v`` [m/s], ``omega`` [rad/s] of the estimate;
-    ``age`` of the fix [s]; ``state``.
+    ``name``; ``x``, ``y`` [m, world], ``theta`` [rad] of the newest fix; ``v`` [m/s], ``omega`` [rad/s] of its
+    estimate; ``age`` of the fix [s]; ``state``.
     """
 
     name: str
