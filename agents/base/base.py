@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import math
 
-from agents.base.wheels import WheelReading, Wheels
+from agents.base.wheels import Wheels
 from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Received

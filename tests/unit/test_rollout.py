@@ -64,6 +64,7 @@ def test_its_filter_is_the_agents(delay: float) -> None:
             assert z is not None
             agent.fix(captured, z.x[robot], z.y[robot], z.theta[robot], covariance)
         # What the law saw at t was under the command before it.
+        t = max(t, captured)  # rounding
         now = agent.at(t)
         assert now is not None
         ahead = agent.look_ahead(now, t, settings.wheels.lag)
