@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -45,6 +46,8 @@ _INTENT_TIMEOUT = 0.25
 
 _CALIBRATION_PERIOD = 1.0
 
+_NUMBER = re.compile(r"[0-9.]+")
+
 
 class Surroundings(NamedTuple):
     """What others say, at one moment: ``circle`` to follow; ``speed`` on ``velocity/<name>`` [m/s], None when it is not
@@ -68,7 +71,7 @@ class ControlLoop:
         latch: what is known of the stop order.
         reasons: why the robot is stationary, most important first; empty while it may drive.
         seen: what there was to see at the newest estimate; None before the first.
-        changed: the latch changed, or the robot started or stopped to drive; for the health report to clear.
+        changed: the latch or the reasons changed; for the health report to clear.
         fixes: fixes used since the start.
         commands: commands sent since the start.
         pose_ages: from capture to the estimate that used it, of each fix since it was last emptied [s].
@@ -231,12 +234,17 @@ class ControlLoop:
                 v_max=self._robot.v_max,
                 omega_max=self._robot.omega_max,
             )
-        self.changed |= (not reasons) != (not self.reasons)
+        self.changed |= _without_numbers(reasons) != _without_numbers(self.reasons)
         self.reasons = reasons
         self._sent = now
         self.commands += 1
         self._filter.command(now, command.v, command.omega)
         out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
+
+
+def _without_numbers(reasons: tuple[str, ...]) -> str:
+    """Reasons but for the ages in them: what does not change from one estimate to the next."""
+    return _NUMBER.sub("", "|".join(reasons)) if reasons else ""
 
 
 def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
