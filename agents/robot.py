@@ -32,7 +32,6 @@ from muro_zenoh.messages import (
     SpeedReference,
     Value,
 )
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.path import Path
 from muro_zenoh.transport import Bus, Every, Latest, Publisher
 
@@ -64,8 +63,7 @@ class Robot:
     def __init__(self, bus: Bus, name: str, scenario: config.Scenario, localize: Localize, drive: Drive) -> None:
         self.name = name
         self.settings = scenario.robot[name]
-        a = scenario.arena
-        self.arena = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
+        self.arena = scenario.arena
         self.parameters: Mapping[str, Value] = {}
         self._bus = bus
         self._localize = localize

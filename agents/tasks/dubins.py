@@ -9,7 +9,7 @@ from muro_zenoh.control.path_tracking import TrackingGains
 from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.quantities import Positive
 

@@ -81,8 +81,8 @@ class StateStore:
         self.state = _load(path) if path is not None and path.exists() else _initial(scenario)
         self._lifted = self.state.stop_revision  # what was latched before the newest resume is lifted; the rest is not
         kept, fresh = self.circle.circle, scenario.circle
-        if kept.radius > self._room_for(kept) and kept != fresh.circle:
-            log.warning("the kept circle %s does not fit into this arena: taking the scenario's %s", kept, fresh.circle)
+        if kept.radius > self._room_for(kept) and kept != fresh:
+            log.warning("the kept circle %s does not fit into this arena: taking the scenario's %s", kept, fresh)
             self._change(x=fresh.x, y=fresh.y, radius=fresh.radius, clockwise=fresh.clockwise)
         missing = {name: _behaviour(scenario, name) for name in scenario.robot if name not in self.state.behaviour}
         if missing:
@@ -186,9 +186,8 @@ class StateStore:
 
     def _room_for(self, circle: Circle) -> float:
         """The largest radius [m] round a circle's centre on which every robot stays inside the arena."""
-        a = self._scenario.arena
-        edge = min(circle.x - a.x_min, a.x_max - circle.x, circle.y - a.y_min, a.y_max - circle.y)
-        return edge - max(robot.radius for robot in self._scenario.robot.values())
+        room = self._scenario.arena.clearance(circle.x, circle.y)
+        return room - max(robot.radius for robot in self._scenario.robot.values())
 
     def _add_stop(self, at_least: int, everybody: bool, names: tuple[str, ...]) -> None:
         self.state = self._with_stop(at_least, everybody, names)  # a stop holds even where the disk is full

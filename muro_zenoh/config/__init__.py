@@ -8,12 +8,10 @@ the default.
 
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
-    Arena,
     BehaviourSettings,
     BusSettings,
     CameraSettings,
     Checks,
-    CircleSettings,
     RobotSettings,
     Scenario,
     Section,
@@ -21,12 +19,10 @@ from muro_zenoh.config.sections import (
 )
 
 __all__ = [
-    "Arena",
     "BehaviourSettings",
     "BusSettings",
     "CameraSettings",
     "Checks",
-    "CircleSettings",
     "RobotSettings",
     "Scenario",
     "Section",

@@ -21,7 +21,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     """
     a = s.arena
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
-        raise ConfigError(origin.at("arena"), got=str(a.bounds), expected="x_min < x_max and y_min < y_max")
+        raise ConfigError(origin.at("arena"), got=str(a), expected="x_min < x_max and y_min < y_max")
     _check_tags(s, origin)
     for name, camera in s.camera.items():
         if (camera.pixels is None) != (camera.metres is None):
@@ -57,7 +57,7 @@ def _check_circle(s: Scenario, origin: Origin) -> None:
         return
     c, a = s.circle, s.arena
     body = max(robot.radius for robot in s.robot.values())
-    room = min(c.x - a.x_min, a.x_max - c.x, c.y - a.y_min, a.y_max - c.y) - body
+    room = a.clearance(c.x, c.y) - body
     if c.radius > room:
         raise ConfigError(
             origin.at("circle.radius"),
@@ -83,7 +83,7 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
             continue  # a run with fewer robots than the file has goals for
         body = s.robot[name].radius
         for index, (x, y, *_) in enumerate(goals):
-            if not (a.x_min + body <= x <= a.x_max - body and a.y_min + body <= y <= a.y_max - body):
+            if not a.shrunk(body).holds(x, y):
                 raise ConfigError(
                     origin.at(f"goals.{name}[{index}]"),
                     got=f"({x:g}, {y:g})",

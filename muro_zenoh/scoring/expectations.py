@@ -8,7 +8,6 @@ from typing import NamedTuple
 from muro_zenoh.config import Scenario, parameters_as
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.scoring.deployment import Deployment
 
 
@@ -71,8 +70,6 @@ def _asked_of(scenario: Scenario) -> Asked:
         return Asked(goals=goals, v_min=parameters_as(DubinsParameters, parameters, where).v_min)
     if name == "coverage":
         wanted = parameters_as(CoverageParameters, parameters, where)
-        a = scenario.arena
-        floor = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
-        deployment = Deployment(floor, wanted.density(), wanted.hold_time)
+        deployment = Deployment(scenario.arena, wanted.density(), wanted.hold_time)
         return Asked(v_min=wanted.v_min, deployment=deployment)
     return Asked()

@@ -14,7 +14,6 @@ from agents.tasks.pursuit import PursuitParameters
 from agents.tasks.steer import SteerParameters
 from muro_zenoh.config import Scenario, parameters_as
 from muro_zenoh.control.point_forward import GoToGoal
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.density import Peaks
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
@@ -31,12 +30,7 @@ EVERY = 4  # of the plant's moves: ten a second, as a run is sampled
 
 def starts_of(scenario: Scenario, rng: np.random.Generator) -> np.ndarray:
     count = len(scenario.robots)
-    return random_starts(rng, count, scenario.arena.bounds, np.full(count, 0.177))
-
-
-def bounds_of(scenario: Scenario) -> Bounds:
-    a = scenario.arena
-    return Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
+    return random_starts(rng, count, scenario.arena, np.full(count, 0.177))
 
 
 def destinations(scenario: Scenario) -> list[list[Destination]]:
@@ -51,7 +45,7 @@ def bodies(run: DriveRun, robot: int) -> list[Moment]:
 def test_dubins() -> None:
     scenario = find_scenario("dubins", 8, {})
     wanted = parameters_as(DubinsParameters, scenario.behaviour.parameters, "dubins")
-    ride = wanted.ride(scenario.robot["r1"], bounds_of(scenario))
+    ride = wanted.ride(scenario.robot["r1"], scenario.arena)
     rng = np.random.default_rng(1)
     starts = starts_of(scenario, rng)
     run = ride_to_goals(starts, destinations(scenario), ride, wanted.pause, LOOP, rng, scenario.duration)
@@ -85,7 +79,7 @@ def test_point_forward_steering() -> None:
 def deployed(seed: int, peaks: tuple[tuple[float, float, float, float], ...], seconds: float) -> Deployed:
     scenario = find_scenario("coverage", None, {})
     wanted = parameters_as(CoverageParameters, scenario.behaviour.parameters, "coverage")
-    floor = bounds_of(scenario)
+    floor = scenario.arena
     density = Peaks(peaks, wanted.floor) if peaks else None
     ride = wanted.ride(scenario.robot["r1"], floor)
     rng = np.random.default_rng(seed)
@@ -123,7 +117,7 @@ def test_importance(robots: int, window: float) -> None:
     wanted = parameters_as(PursuitParameters, scenario.behaviour.parameters, "importance")
     law = wanted.pursuit_law()
     assert law.importance is not None
-    circle = scenario.circle.circle
+    circle = scenario.circle
     rng = np.random.default_rng(1)
     starts = starts_of(scenario, rng)[None]
     run = pursue_ring(starts, circle, law, wanted.circle_law(), LOOP, rng, window + 20.0)

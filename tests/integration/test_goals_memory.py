@@ -9,7 +9,6 @@ from typing import Any
 
 from muro_zenoh import channels
 from muro_zenoh.messages import Ack, Goal, PlannedPath
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.goals import Body
 from muro_zenoh.transport import Every, Publisher
@@ -123,8 +122,7 @@ async def test_coverage_comes_to_rest_at_the_centroids_in_rounds_of_all() -> Non
             await asyncio.sleep(0.1)
             rows = zip(lab.robots, fleet.plant.pose.tolist(), fleet.plant.twist.tolist(), strict=True)
             seen.append((k / 10, {name: Body(*pose, *twist) for name, pose, twist in rows}))
-        a = lab.arena
-        found = score_deployment(Deployment(Bounds(a.x_min, a.x_max, a.y_min, a.y_max), None, 1.0), seen, 4)
+        found = score_deployment(Deployment(lab.arena, None, 1.0), seen, 4)
         assert found.rounds > 3
         assert found.distance is not None
         assert found.distance <= 0.03

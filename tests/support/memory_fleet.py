@@ -63,7 +63,7 @@ class MemoryFleet:
         self.keeping = True
         self.agents: dict[str, asyncio.Task[None]] = {}
         self._rng = np.random.default_rng(seed)
-        starts = random_starts(self._rng, len(lab.robots), lab.arena.bounds, np.full(len(lab.robots), 0.177))
+        starts = random_starts(self._rng, len(lab.robots), lab.arena, np.full(len(lab.robots), 0.177))
         self.plant = Plant(starts, self._rng)
         self.floor = Floor(self.plant, self.clock)
         self._stack = stack

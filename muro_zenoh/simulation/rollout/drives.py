@@ -10,8 +10,7 @@ import numpy as np
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.elementwise import Array
-from muro_zenoh.geometry import STILL, Pose2, Twist2
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import STILL, Bounds, Pose2, Twist2
 from muro_zenoh.planning.coverage import Density, lloyd_goal
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.path import Path
