@@ -8,7 +8,8 @@ from agents.robot import Robot
 from agents.tasks.path_following import CircleParameters, follow_circle
 from muro_zenoh import channels
 from muro_zenoh.behaviours.entry_points import load_function
-from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, pursue
+from muro_zenoh.control.pursuit import PursuitLaw, pursue
+from muro_zenoh.control.ring import RingRobot
 from muro_zenoh.messages import Estimate
 from muro_zenoh.quantities import NotNegative, Positive
 

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from muro_zenoh.control.ring import (
-    HYSTERESIS,
     RingRobot,
     gaps,
-    gaps_unrolled,
     order_ring,
-    order_unrolled,
     ring_angles,
     unroll,
 )
@@ -27,18 +24,6 @@ from muro_zenoh.geometry import TWO_PI, Circle
 
 if TYPE_CHECKING:
     from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do without
-
-__all__ = [
-    "DEFAULT_GAINS",
-    "HYSTERESIS",
-    "PursuitLaw",
-    "PursuitStep",
-    "RingRobot",
-    "gaps",
-    "order_ring",
-    "pursue",
-    "pursuit_speed",
-]
 
 DEFAULT_GAINS: Final[Mapping[str, float]] = {"two_gap": 2.5, "normalised": 1.0, "proportional": 0.3, "importance": 2.5}
 """The pursuit laws by name, each with its default gain."""
@@ -187,11 +172,11 @@ def pursue(
         law: the law.
     """
     angles = ring_angles(ring, circle)
-    ordered, way = unroll(angles, circle.clockwise)
-    order = order_unrolled(ordered, way, order)
+    travelled = unroll(angles, circle.clockwise)
+    order = order_ring(travelled, order)
     if me not in angles:
         return PursuitStep(law.cruise, TWO_PI, TWO_PI, order, len(angles), False)
-    to_next = gaps_unrolled(way, order)
+    to_next = gaps(travelled, order)
     gap, behind = to_next[me], to_next[order[order.index(me) - 1]]
     speed = pursuit_speed(law, gap, behind, len(order), angles[me], circle.radius, circle.clockwise)
     return PursuitStep(speed, gap, behind, order, len(order), True)

@@ -17,6 +17,7 @@ from basestation.fleet.state_store import StateStore
 from basestation.fleet.table import FleetTable, Motion
 from muro_zenoh import channels
 from muro_zenoh.config import Scenario, parse_scenario
+from muro_zenoh.control import ring
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import FleetSnapshot, Health, PoseFix, Reply
 from muro_zenoh.simulation.plant import Plant, random_starts
@@ -175,11 +176,9 @@ class MemoryFleet:
 
     def spacing_error(self, names: list[str] | None = None) -> float:
         """Largest |gap - 2 pi / N| round the circle [rad]."""
-        c = self.kept.circle
-        rows = [self.scenario.robots.index(name) for name in names or self.scenario.robots]
-        angles = sorted(math.atan2(self.plant.pose[i, 1] - c.y, self.plant.pose[i, 0] - c.x) for i in rows)
-        gaps = [(b - a) % math.tau for a, b in zip(angles, [*angles[1:], angles[0]], strict=True)]
-        return max(abs(gap - math.tau / len(rows)) for gap in gaps)
+        poses = dict(zip(self.scenario.robots, self.plant.pose.tolist(), strict=True))
+        places = {name: (poses[name][0], poses[name][1]) for name in names or self.scenario.robots}
+        return ring.spacing_error(ring.angles_round(places, self.kept.circle.circle))
 
     # ---- the base station
 
