@@ -21,9 +21,8 @@ from muro_zenoh.behaviours.circle import CircleFollowing
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Vehicle, hold
 from muro_zenoh.control.circle import CircleLaw
 from muro_zenoh.errors import BehaviourError, MuroError, PlanningError
-from muro_zenoh.geometry import Circle, State, Twist2
+from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.messages import Estimate
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Latest
 

@@ -9,12 +9,10 @@ the default.
 from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
-    Arena,
     BehaviourSettings,
     BusSettings,
     CameraSettings,
     Checks,
-    CircleSettings,
     RobotSettings,
     Scenario,
     Section,
@@ -22,12 +20,10 @@ from muro_zenoh.config.sections import (
 )
 
 __all__ = [
-    "Arena",
     "BehaviourSettings",
     "BusSettings",
     "CameraSettings",
     "Checks",
-    "CircleSettings",
     "RobotSettings",
     "Scenario",
     "Section",

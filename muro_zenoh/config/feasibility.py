@@ -20,7 +20,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     """
     a = s.arena
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
-        raise ConfigError(origin.at("arena"), got=str(a.bounds), expected="x_min < x_max and y_min < y_max")
+        raise ConfigError(origin.at("arena"), got=str(a), expected="x_min < x_max and y_min < y_max")
     _check_tags(s, origin)
     for name, camera in s.camera.items():
         if (camera.pixels is None) != (camera.metres is None):
@@ -32,7 +32,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
     fleet = [s.vehicle(name) for name in s.robot]
-    check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle.circle)
+    check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle)
     _check_goals(s, origin)
 
 
@@ -59,7 +59,7 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
             continue  # a run with fewer robots than the file has goals for
         body = s.robot[name].radius
         for index, (x, y, *_) in enumerate(goals):
-            if not (a.x_min + body <= x <= a.x_max - body and a.y_min + body <= y <= a.y_max - body):
+            if not a.shrunk(body).holds(x, y):
                 raise ConfigError(
                     origin.at(f"goals.{name}[{index}]"),
                     got=f"({x:g}, {y:g})",

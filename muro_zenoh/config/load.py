@@ -16,29 +16,30 @@ from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.reading import check_keys, read_section, read_value
 from muro_zenoh.config.sections import (
-    Arena,
+    ARENA,
+    CIRCLE,
     BehaviourSettings,
     BusSettings,
     CameraSettings,
     Checks,
-    CircleSettings,
     GoalRow,
     RobotSettings,
     Scenario,
-    Section,
     Simulation,
 )
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period, Quantity
 
-_SECTIONS: Final[dict[str, type[Section]]] = {
-    "arena": Arena,
-    "circle": CircleSettings,
-    "bus": BusSettings,
-    "checks": Checks,
-    "simulation": Simulation,
+_SECTIONS: Final[dict[str, Any]] = {
+    "arena": ARENA,
+    "circle": CIRCLE,
+    "bus": BusSettings(),
+    "checks": Checks(),
+    "simulation": Simulation(),
 }
+"""The sections that are one value each, as they are when nothing is given."""
+
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
 _MERGED = ("all", "arena", "bus", "simulation")
@@ -84,7 +85,8 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
     origin = file if isinstance(file, Origin) else Origin(file)
     check_keys(table, _TOP, origin, "")
     sections: dict[str, Any] = {
-        key: read_section(kind, _table(table, key, origin), origin, key) for key, kind in _SECTIONS.items()
+        key: read_section(type(default), _table(table, key, origin), origin, key, default)
+        for key, default in _SECTIONS.items()
     }
     cameras = {
         _name(key, origin, f"camera.{key}"): read_section(

@@ -66,7 +66,7 @@ def read_section(kind: type[T], table: Mapping[str, Any], origin: Origin, path: 
         table: the keys that are given.
         origin: where they came from, for errors.
         path: the full key of the table, such as ``robot.r1``.
-        default: fills in what is not given, in place of the type's own defaults; for dataclasses.
+        default: fills in what is not given, in place of the type's own defaults.
 
     Raises:
         ConfigError: an unknown key, a wrong type or range, or values that do not fit together.
@@ -301,13 +301,13 @@ class _Reader:
             elif field.name in self._table:
                 path = _join(self._path, field.name)
                 values[field.name] = read_value(field.hint, self._table[field.name], self._origin, path)
-            if field.name not in values and fallback is _REQUIRED:
-                words = _options(field) if field.lifted else expected(field.hint)
-                raise ConfigError(self._origin.at(_join(self._path, field.name)), got="nothing", expected=words)
+            if field.name not in values:
+                if fallback is _REQUIRED:
+                    words = _options(field) if field.lifted else expected(field.hint)
+                    raise ConfigError(self._origin.at(_join(self._path, field.name)), got="nothing", expected=words)
+                values[field.name] = fallback
         try:
-            if default is None:
-                return kind(**values)
-            return dataclasses.replace(default, **values)
+            return kind(**values)
         except ParameterError as error:
             raise config_error(error, self._origin, self._path) from None
 

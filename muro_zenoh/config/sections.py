@@ -9,9 +9,8 @@ from msgspec import Meta, Struct
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.estimation.wheel_model import WheelLimits
-from muro_zenoh.geometry import Circle, TagMount, View, straight_down_view
+from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.quantities import (
     Acceleration,
     Angle,
@@ -103,26 +102,11 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         return TagMount(self.tag, self.tag_size, self.tag_x, self.tag_y, self.tag_yaw)
 
 
-class Arena(Section, frozen=True, kw_only=True):
-    """The floor that robots may use, a rectangle.
+ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
+"""The arena of a file that has none."""
 
-    Attributes:
-        x_min: left border [m, world].
-        x_max: right border [m, world].
-        y_min: lower border [m, world].
-        y_max: upper border [m, world].
-    """
-
-    x_min: Coordinate = -2.1
-    x_max: Coordinate = 2.1
-    y_min: Coordinate = -1.5
-    y_max: Coordinate = 1.5
-
-    @property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """``x_min, y_min, x_max, y_max`` [m]."""
-        return self.x_min, self.y_min, self.x_max, self.y_max
-
+CIRCLE = Circle(0.0, 0.0, 0.8)
+"""The circle at the start of a scenario that has none."""
 
 _VIEW_MARGIN = 0.25
 """What a camera without points of its own sees beyond the arena [m]."""
@@ -154,7 +138,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     sigma_pixels: Annotated[float, Quantity("px", above=0.0)] = 0.15
     jpeg_quality: Annotated[int, Quantity(at_least=0, at_most=100, whole=True)] = 85
 
-    def views(self, arena: Arena) -> tuple[View, ...]:
+    def views(self, arena: Bounds) -> tuple[View, ...]:
         """Which pixels show which places; without ``pixels`` a camera that looks straight down at the whole arena.
 
         Args:
@@ -163,28 +147,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         if self.pixels is not None and self.metres is not None:
             pairs = zip(self.pixels, self.metres, strict=True)
             return tuple(View(u, v, x, y) for (u, v), (x, y) in pairs)
-        return straight_down_view(*arena.bounds, self.width, self.height, margin=_VIEW_MARGIN)
-
-
-class CircleSettings(Section, frozen=True, kw_only=True):
-    """The circle to follow.
-
-    Attributes:
-        x: of its centre [m, world].
-        y: of its centre [m, world].
-        radius: of it [m].
-        clockwise: the direction of travel.
-    """
-
-    x: Coordinate = 0.0
-    y: Coordinate = 0.0
-    radius: Length = 0.8
-    clockwise: bool = False
-
-    @property
-    def circle(self) -> Circle:
-        """As the laws take it."""
-        return Circle(self.x, self.y, self.radius, self.clockwise)
+        return straight_down_view(arena, self.width, self.height, margin=_VIEW_MARGIN)
 
 
 class BusSettings(Section, frozen=True, kw_only=True):
@@ -302,9 +265,9 @@ class Scenario(Section, frozen=True, kw_only=True):
     description: str = ""
     duration: Period = 60.0
     robot: dict[Name, RobotSettings]
-    arena: Arena = Arena()
+    arena: Bounds = ARENA
     camera: dict[Name, CameraSettings] = {}
-    circle: CircleSettings = CircleSettings()
+    circle: Circle = CIRCLE
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
     goals: dict[Name, tuple[GoalRow, ...]] = {}
@@ -330,9 +293,7 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         robot = self.robot[name]
-        a = self.arena
-        arena = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
-        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, arena)
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena)
 
     @property
     def robots(self) -> tuple[str, ...]:

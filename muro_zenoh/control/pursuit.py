@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final
 
-from muro_zenoh.control.ring import RingRobot, gaps_unrolled, order_unrolled, ring_angles, unroll
+from muro_zenoh.control.ring import RingRobot, gaps, order_ring, ring_angles, unroll
 from muro_zenoh.elementwise import Scalar, of
 from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import TWO_PI, Circle
@@ -222,11 +222,11 @@ def pursue(
         law: the law.
     """
     angles = ring_angles(ring, circle)
-    ordered, way = unroll(angles, circle.clockwise)
-    order = order_unrolled(ordered, way, order)
+    travelled = unroll(angles, circle.clockwise)
+    order = order_ring(travelled, order)
     if me not in angles:
         return PursuitStep(law.cruise, TWO_PI, TWO_PI, order, len(angles), False)
-    to_next = gaps_unrolled(way, order)
+    to_next = gaps(travelled, order)
     gap, behind = to_next[me], to_next[order[order.index(me) - 1]]
     speed = pursuit_speed(law, gap, behind, len(order), angles[me], circle.radius, circle.clockwise)
     return PursuitStep(speed, gap, behind, order, len(order), True)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.control.pursuit import PursuitLaw, pursue, pursuit_law, pursuit_speed
-from muro_zenoh.control.ring import RingRobot, gaps, order_ring
+from muro_zenoh.control.ring import RingRobot, gaps_ahead
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import Circle
@@ -130,11 +130,11 @@ def test_a_robot_leaves_and_the_rest_space_again_then_one_comes(clockwise: bool)
     angles = run_agents(circle, {n: 0.2 * k for k, n in enumerate(names)}, pursuit_law(), 30.0)
     del angles["r3"]
     angles = run_agents(circle, angles, pursuit_law(), 30.0)
-    spread = gaps(angles, order_ring(angles, (), clockwise), clockwise)
+    spread = gaps_ahead(angles, clockwise)
     assert max(abs(g - TWO_PI / 4) for g in spread.values()) < 0.02
     angles["r9"] = angles["r1"]
     angles = run_agents(circle, angles, pursuit_law(), 30.0)
-    spread = gaps(angles, order_ring(angles, (), clockwise), clockwise)
+    spread = gaps_ahead(angles, clockwise)
     assert max(abs(g - TWO_PI / 5) for g in spread.values()) < 0.02
 
 
@@ -145,7 +145,7 @@ def test_positions_150_ms_old_do_not_bias_the_speed() -> None:
     after = run_agents(circle, before, pursuit_law(), 10.0, age=0.15)
     mean = np.mean([after[n] - before[n] for n in start]) * 0.8 / 10.0
     assert mean == pytest.approx(0.2, rel=0.02)
-    spread = gaps(after, order_ring(after, (), False), False)
+    spread = gaps_ahead(after, False)
     assert max(abs(g - TWO_PI / 5) for g in spread.values()) < 0.1
 
 

@@ -28,7 +28,7 @@ EVERY = 4  # of the plant's moves: ten a second, as a run is sampled
 
 def starts_of(scenario: Scenario, rng: np.random.Generator) -> np.ndarray:
     count = len(scenario.robots)
-    return random_starts(rng, count, scenario.arena.bounds, np.full(count, 0.177))
+    return random_starts(rng, count, scenario.arena, np.full(count, 0.177))
 
 
 def kind_of(scenario: Scenario) -> BehaviourKind:
@@ -124,7 +124,7 @@ def test_importance(robots: int, window: float) -> None:
     scenario = find_scenario("importance", robots, {})
     wanted = parameters_of(scenario)
     law = wanted.pursuit_law()
-    circle = scenario.circle.circle
+    circle = scenario.circle
     rng = np.random.default_rng(1)
     starts = starts_of(scenario, rng)[None]
     done = pursue_ring(starts, circle, law, CircleLaw(wanted.law), LOOP, rng, window + 20.0)

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from muro_zenoh.config import (
     BehaviourSettings,
-    CircleSettings,
     RobotSettings,
     Scenario,
     Section,
@@ -23,6 +22,7 @@ from muro_zenoh.config import (
 )
 from muro_zenoh.config.sections import BusSettings
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.geometry import Circle
 from muro_zenoh.quantities import Speed, quantities
 
 ROOT = Path(__file__).parents[2]
@@ -190,7 +190,7 @@ PIXELS = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]
 IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "an arena inside out": (
         {"arena": {"x_min": 3.0}},
-        "lab.toml: arena: got (3.0, -1.5, 2.1, 1.5), expected x_min <",
+        "lab.toml: arena: got x 3 to 2.1, y -1.5 to 1.5 m, expected x_min <",
     ),
     "an arena without height": ({"arena": {"y_min": 1.5}}, "lab.toml: arena: got"),
     "two robots with one tag": (
@@ -333,10 +333,10 @@ def test_wrong_parameters_are_named() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "key", "unit"),
-    [(CircleSettings, "radius", "m"), (RobotSettings, "alpha_max", "rad/s^2"), (RobotSettings, "tag_x", "m"),
+    [(Circle, "radius", "m"), (RobotSettings, "alpha_max", "rad/s^2"), (RobotSettings, "tag_x", "m"),
      (BusSettings, "lease", "s")],
 )  # fmt: skip
-def test_units_are_declared_on_the_fields(kind: type[Section], key: str, unit: str) -> None:
+def test_units_are_declared_on_the_fields(kind: type, key: str, unit: str) -> None:
     assert quantities(kind)[key].unit == unit
 
 

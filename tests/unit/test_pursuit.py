@@ -17,7 +17,7 @@ from muro_zenoh.control.pursuit import (
     pursuit_law,
     pursuit_speed,
 )
-from muro_zenoh.control.ring import RingRobot, gaps, order_ring
+from muro_zenoh.control.ring import RingRobot, angles_round, gaps, gaps_ahead, order_ring, spacing_error, unroll
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.geometry import Circle
 
@@ -48,9 +48,9 @@ def on_ring(angles: dict[str, float], circle: Circle, v: float = 0.2) -> dict[st
 def test_gaps_are_within_a_turn_and_sum_to_one_whoever_came_went_or_overtook(
     before: dict[str, float], now: dict[str, float], clockwise: bool
 ) -> None:
-    order = order_ring(now, order_ring(before, (), clockwise), clockwise)
+    order = order_ring(unroll(now, clockwise), order_ring(unroll(before, clockwise), ()))
     assert sorted(order) == sorted(now)
-    to_next = gaps(now, order, clockwise)
+    to_next = gaps(unroll(now, clockwise), order)
     assert set(to_next) == set(now)
     assert all(0.0 <= gap <= TWO_PI for gap in to_next.values())
     assert sum(to_next.values()) == pytest.approx(TWO_PI)
@@ -62,33 +62,33 @@ def test_gaps_are_within_a_turn_and_sum_to_one_whoever_came_went_or_overtook(
 def test_each_gap_is_the_way_to_the_nearest_robot_ahead(micro: set[int], turns: int, clockwise: bool) -> None:
     sigma = -1.0 if clockwise else 1.0
     angles = {f"r{k}": m * 1e-6 + TWO_PI * turns for k, m in enumerate(micro)}
-    for name, gap in gaps(angles, order_ring(angles, (), clockwise), clockwise).items():
+    for name, gap in gaps_ahead(angles, clockwise).items():
         ways = [(sigma * (other - angles[name])) % TWO_PI for who, other in angles.items() if who != name]
         assert gap == pytest.approx(min(ways, default=TWO_PI), abs=1e-9)
 
 
 @given(angles=RINGS, turn=ANGLE)
 def test_the_ring_does_not_depend_on_where_angle_zero_is(angles: dict[str, float], turn: float) -> None:
-    here = gaps(angles, order_ring(angles, (), False), False)
+    here = gaps_ahead(angles, False)
     moved = {name: a + turn for name, a in angles.items()}
-    there = gaps(moved, order_ring(moved, (), False), False)
+    there = gaps_ahead(moved, False)
     assert sorted(there.values()) == pytest.approx(sorted(here.values()), abs=1e-6)
 
 
 def test_equal_angles_go_by_name() -> None:
     angles = {"c": 1.0, "a": 1.0, "b": 1.0}
-    assert order_ring(angles, (), False) == ("a", "b", "c")
-    assert gaps(angles, ("a", "b", "c"), False) == pytest.approx({"a": 0.0, "b": 0.0, "c": TWO_PI})
+    assert order_ring(unroll(angles, False), ()) == ("a", "b", "c")
+    assert gaps(unroll(angles, False), ("a", "b", "c")) == pytest.approx({"a": 0.0, "b": 0.0, "c": TWO_PI})
 
 
 def test_noise_on_two_robots_side_by_side_does_not_flip_the_gap() -> None:
-    order = order_ring({"a": 0.0, "b": 0.01}, (), False)
+    order = order_ring(unroll({"a": 0.0, "b": 0.01}, False), ())
     rng = np.random.default_rng(1)
     for _ in range(500):
         angles = {"a": rng.uniform(-0.012, 0.012), "b": rng.uniform(-0.012, 0.012)}
-        order = order_ring(angles, order, False)
-        assert gaps(angles, order, False)["a"] < 0.03
-        assert gaps(angles, order, False)["b"] > TWO_PI - 0.03
+        order = order_ring(unroll(angles, False), order)
+        assert gaps(unroll(angles, False), order)["a"] < 0.03
+        assert gaps(unroll(angles, False), order)["b"] > TWO_PI - 0.03
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
@@ -98,7 +98,7 @@ def test_an_overtaker_swaps_only_beyond_the_hysteresis(clockwise: bool) -> None:
     seen = []
     for ahead in (-0.2, -0.04, 0.0, 0.04, 0.049, 0.051, 0.2, 0.04, -0.04, -0.051):
         angles = {"fast": sigma * (1.0 + ahead), "slow": sigma * 1.0, "far": sigma * 4.0}
-        order = order_ring(angles, order, clockwise)
+        order = order_ring(unroll(angles, clockwise), order)
         seen.append(order.index("fast") < order.index("slow"))
     assert seen == [True] * 5 + [False] * 4 + [True]
 
@@ -109,18 +109,18 @@ def test_close_pairs_keep_their_order_while_the_ring_turns_through_every_cut() -
         turn = 0.05 * step
         # b is a little behind a against the order, and the widest gap wanders as c swings.
         angles = {"a": turn + 0.03, "b": turn, "c": turn + 2.0 + math.sin(0.3 * step), "d": turn + 4.0, "e": turn + 4.6}
-        order = order_ring(angles, order, False)
+        order = order_ring(unroll(angles, False), order)
         ring = order[order.index("a") :] + order[: order.index("a")]
         assert ring == ("a", "b", "c", "d", "e")
 
 
 def test_robots_come_and_go() -> None:
-    order = order_ring({"a": 0.0, "b": 1.0, "c": 2.0}, (), False)
-    order = order_ring({"a": 0.0, "c": 2.0}, order, False)
+    order = order_ring(unroll({"a": 0.0, "b": 1.0, "c": 2.0}, False), ())
+    order = order_ring(unroll({"a": 0.0, "c": 2.0}, False), order)
     assert order == ("a", "c")
-    order = order_ring({"a": 0.0, "c": 2.0, "d": 1.5}, order, False)
+    order = order_ring(unroll({"a": 0.0, "c": 2.0, "d": 1.5}, False), order)
     assert order == ("a", "d", "c")
-    assert gaps({"a": 0.0, "c": 2.0, "d": 1.5}, order, False)["a"] == pytest.approx(1.5)
+    assert gaps(unroll({"a": 0.0, "c": 2.0, "d": 1.5}, False), order)["a"] == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("name", sorted(PURSUIT_LAWS))
@@ -265,3 +265,21 @@ def test_a_bad_importance_table_says_what_is_wrong(angles: list[float], weights:
 def test_a_law_that_cannot_be_is_refused(changes: dict[str, object], what: str) -> None:
     with pytest.raises(ValueError, match=what):
         pursuit_law(**changes)  # type: ignore[arg-type]
+
+
+@given(angles=RINGS)
+def test_the_spacing_error_is_that_of_the_gaps_of_arrays(angles: dict[str, float]) -> None:
+    gap, _, _ = array_gaps(np.array(list(angles.values())), False)
+    worst = abs(gap - TWO_PI / len(angles)).max()
+    assert spacing_error(angles) == pytest.approx(worst, abs=1e-9)
+    assert spacing_error({name: -angle for name, angle in angles.items()}) == pytest.approx(worst, abs=1e-6)
+
+
+def test_fewer_than_two_robots_have_no_spacing_error() -> None:
+    assert spacing_error({}) == 0.0
+    assert spacing_error({"a": 1.0}) == 0.0
+
+
+def test_angles_are_seen_from_the_centre() -> None:
+    seen = angles_round({"a": (2.0, 1.0), "b": (1.0, 0.5)}, Circle(1.0, 1.0, 0.8))
+    assert seen == pytest.approx({"a": 0.0, "b": -math.pi / 2})
