@@ -107,9 +107,9 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         NotConnected: no router answered.
         ConfigError: the settings have no such robot.
     """
-    async with open_bus(scenario.bus) as bus:
+    async with open_bus(scenario.bus, channels.Role.AGENT) as bus:
         agent = Agent(bus, scenario, name)
-        bus.announce("agent", name)
+        bus.announce(channels.Role.AGENT, name)
         ready("agent", name)
         await agent.run()
 

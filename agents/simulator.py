@@ -16,6 +16,7 @@ import numpy as np
 from agents.base.base import run_base
 from agents.base.simulated import Floor, SimulatedWheels
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import CameraSettings, Scenario, load_scenario
 from muro_zenoh.messages import Frame, Health, Truth
 from muro_zenoh.runtime.process import ready, run_process
@@ -141,9 +142,9 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
         NotConnected: no router answered.
         PlanningError: the robots do not fit into the arena.
     """
-    async with open_bus(scenario.bus) as bus:
+    async with open_bus(scenario.bus, Role.SIMULATOR, Role.BASE, Role.CAMERA) as bus:
         room = Room(bus, scenario, seed)
-        bus.announce("simulator", "simulator")
+        bus.announce(Role.SIMULATOR, "simulator")
         ready("simulator")
         await room.run()
 

@@ -273,9 +273,9 @@ async def run_basestation(scenario: Scenario, state: Path | None) -> None:
         NotConnected: no router answered.
         ConfigError: a camera's points fix no homography, or the file is not a kept state.
     """
-    async with open_bus(scenario.bus) as bus:
+    async with open_bus(scenario.bus, channels.Role.BASESTATION) as bus:
         station = Station(bus, scenario, state)
-        bus.announce("basestation", "basestation")
+        bus.announce(channels.Role.BASESTATION, "basestation")
         ready("basestation")
         await station.run()
 

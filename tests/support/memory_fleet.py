@@ -16,6 +16,7 @@ from agents.base.simulated import Floor, SimulatedWheels
 from basestation.fleet.state_store import StateStore
 from basestation.fleet.table import FleetTable, Motion
 from muro_zenoh import channels
+from muro_zenoh.channels import ALL_ROLES, Role
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import FleetSnapshot, Health, PoseFix, Reply
@@ -72,7 +73,7 @@ class MemoryFleet:
 
     async def start(self) -> None:
         """Start the bases and the base station."""
-        self._station = station = await self.bus()
+        self._station = station = await self.bus(Role.BASESTATION)
         self._poses = {name: station.publisher(channels.POSE, name) for name in self.scenario.robots}
         self._snapshots = station.publisher(channels.ALL_POSITIONS)
         self._stops = station.publisher(channels.STOP)
@@ -81,22 +82,23 @@ class MemoryFleet:
         self._estimates = station.latest(channels.ESTIMATE, "*")
         self._healths = station.latest(channels.HEALTH, "*")
         self._states = station.latest(channels.BASE, "*")
-        room = await self.bus()
+        room = await self.bus(Role.BASE)
         for row, name in enumerate(self.scenario.robots):
             wheels = SimulatedWheels(self.floor, row)
             self._tasks.create_task(run_base(room, name, wheels, self.clock))
         self._tasks.create_task(self._see())
         self._tasks.create_task(self._keep())
 
-    async def bus(self) -> Bus:
-        """A bus, as a process of its own would have it."""
-        return await self._stack.enter_async_context(make_bus(self.network.link(), clock=self.clock))
+    async def bus(self, *roles: Role) -> Bus:
+        """A bus, as a process of its own would have it; by default with every role."""
+        bus = make_bus(self.network.link(), roles=roles or ALL_ROLES, clock=self.clock)
+        return await self._stack.enter_async_context(bus)
 
     async def start_agent(self, name: str) -> None:
         """Start a robot's agent; how its task ends is for the test to look at."""
-        bus = await self.bus()
+        bus = await self.bus(Role.AGENT)
         agent = Agent(bus, self.scenario, name)
-        bus.announce("agent", name)
+        bus.announce(Role.AGENT, name)
         self.agents[name] = asyncio.create_task(agent.run(), name=f"agent {name}")
 
     async def end_agents(self) -> None:
