@@ -15,6 +15,7 @@ from agents.base.run import run_base_process
 from agents.simulator import Room
 from basestation.station import Station
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Clear
@@ -47,7 +48,7 @@ def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> Non
             mains = [room.run(), Station(buses[1], LAB, None).run()]
             for bus, name in zip(buses[2:4], LAB.robots, strict=True):
                 mains.append(Agent(bus, LAB, name).run())
-                bus.announce("agent", name)
+                bus.announce(Role.AGENT, name)
             looking = buses[4]
             fixes = looking.every(channels.POSE, "*", depth=4096)
             snapshots = looking.latest(channels.ALL_POSITIONS)

@@ -13,6 +13,7 @@ import pytest
 
 from basestation.station import Station
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError, TransportError
 from muro_zenoh.messages import Clear, Estimate, Frame, Health, Resume, SetBehaviour, SetCircle, Stop
@@ -37,7 +38,7 @@ class Lab:
     async def agent(self, name: str, **stop: object) -> Bus:
         """An agent that is alive and has said its health."""
         bus = await self.join()
-        bus.announce("agent", name)
+        bus.announce(Role.AGENT, name)
         health = Health(role="agent", state="x", **stop)  # type: ignore[arg-type]
         bus.publisher(channels.HEALTH, name).put(health)
         return bus
@@ -106,7 +107,7 @@ def test_orders_are_answered_and_published_at_once() -> None:
 def test_nothing_is_lifted_before_the_robots_were_heard() -> None:
     async def main() -> None:
         async with lab() as there:
-            (await there.join()).announce("agent", "r1")  # alive, and has not said yet what it latched
+            (await there.join()).announce(Role.AGENT, "r1")  # alive, and has not said yet what it latched
             async with station(there):
                 await asyncio.sleep(0.3)
                 refused = await there.bus.ask(channels.RESUME, Resume(revision=9))
@@ -158,7 +159,7 @@ def test_the_stop_state_waits_for_the_robots_that_are_alive() -> None:
         async with lab() as there:
             first = await there.agent("r1", stop_latched=True, stop_all=True, stop_revision=1)
             second = await there.join()
-            second.announce("agent", "r2")  # alive, and slow to say how it is
+            second.announce(Role.AGENT, "r2")  # alive, and slow to say how it is
             stops = there.bus.every(channels.STOP)
             async with station(there):
                 await asyncio.sleep(0.8)
@@ -178,7 +179,7 @@ def test_a_robot_that_says_nothing_is_not_waited_for_for_ever() -> None:
     async def main() -> None:
         async with lab() as there:
             mute = await there.join()
-            mute.announce("agent", "r1")
+            mute.announce(Role.AGENT, "r1")
             stops = there.bus.every(channels.STOP)
             async with station(there):
                 await asyncio.sleep(1.0)
