@@ -11,8 +11,8 @@ import msgspec
 import pytest
 import pytest_asyncio
 
-from agents.base.base import DEAD_MAN, Base
-from agents.base.run import run_base, run_bases
+from agents.base.base import DEAD_MAN
+from agents.base.run import run_base
 from agents.base.wheels import WheelReading
 from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
