@@ -6,6 +6,7 @@ says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulatio
 the default.
 """
 
+from muro_zenoh.config.find import built_in_scenarios, find_scenario
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
     Arena,
@@ -32,6 +33,8 @@ __all__ = [
     "Section",
     "Simulation",
     "as_table",
+    "built_in_scenarios",
+    "find_scenario",
     "load_scenario",
     "parameters_as",
     "parse_scenario",

@@ -12,18 +12,19 @@ from agents.tasks.coverage import CoverageParameters
 from agents.tasks.dubins import DubinsParameters
 from agents.tasks.pursuit import PursuitParameters
 from agents.tasks.steer import SteerParameters
-from muro_zenoh.config import Scenario, parameters_as
+from muro_zenoh.config import Scenario, find_scenario, parameters_as
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.density import Peaks
 from muro_zenoh.planning.destination import Destination
-from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
-from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking
+from muro_zenoh.scoring.density import density_error
+from muro_zenoh.scoring.deployment import Deployed, Deployment, score_deployment
+from muro_zenoh.scoring.goals import score_goals, score_tracking
+from muro_zenoh.scoring.observed import Body, Moment, Planned
 from muro_zenoh.simulation.rollout.drives import DriveRun, deploy, ride_to_goals, steer_to_goals
 from muro_zenoh.simulation.rollout.runs import pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import NOISY
 from muro_zenoh.simulation.starts import random_starts
-from muro_zenoh.supervision.launch import find_scenario
 
 LOOP = replace(NOISY, omega_max=1.5)  # as the robots of the scenarios have it
 EVERY = 4  # of the plant's moves: ten a second, as a run is sampled
@@ -59,9 +60,9 @@ def test_dubins() -> None:
     for k, name in enumerate(scenario.robots):
         track = bodies(run, k)
         for row in score_goals(scenario.goals[name], track):
-            assert row["reached_s"] is not None
-            assert row["distance_m"] <= 0.05
-            assert row["theta"] is None or row["heading_rad"] <= 0.1745
+            assert row.reached_s is not None
+            assert row.distance_m <= 0.05
+            assert row.theta is None or row.heading_rad <= 0.1745
         tracked = score_tracking([Planned(t, path) for t, path in run.paths[k]], track)
         errors += tracked.errors
         assert tracked.peak is not None
@@ -78,8 +79,8 @@ def test_point_forward_steering() -> None:
     run = steer_to_goals(starts, destinations(scenario), law, p.pause, LOOP, rng, scenario.duration)
     for k, name in enumerate(scenario.robots):
         for row in score_goals(scenario.goals[name], bodies(run, k)):
-            assert row["reached_s"] is not None
-            assert row["distance_m"] <= 0.05
+            assert row.reached_s is not None
+            assert row.distance_m <= 0.05
 
 
 def deployed(seed: int, peaks: tuple[tuple[float, float, float, float], ...], seconds: float) -> Deployed:

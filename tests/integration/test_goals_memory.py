@@ -11,7 +11,7 @@ from muro_zenoh import channels
 from muro_zenoh.messages import Ack, Goal, PlannedPath
 from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
-from muro_zenoh.scoring.goals import Body
+from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Every, Publisher
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 from tests.support.virtual_time import run_virtually
