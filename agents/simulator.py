@@ -100,6 +100,7 @@ class Room:
             due = max(due + 1.0 / camera.rate, loop.time())
             await asyncio.sleep(due - loop.time())
             captured, shot = self._floor.catch_up(), loop.time()
+            lag = self._bus.clock.now() - captured  # the plant moves in steps: it was captured so long ago
             picture = lens.render(self.plant.pose, mounts, radii, rng)
             jpeg = camera.jpeg_quality > 0
             frame = Frame(
@@ -109,7 +110,7 @@ class Room:
                 format="jpeg" if jpeg else "grey",
                 data=encode_jpeg(picture, camera.jpeg_quality) if jpeg else picture.tobytes(),
             )
-            loop.call_at(shot + hidden.camera_latency, frames.put, frame)
+            loop.call_at(shot + hidden.camera_latency - lag, frames.put, frame)
 
     async def _report(self) -> None:
         plant = self.plant

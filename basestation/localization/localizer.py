@@ -58,8 +58,8 @@ class Localizer:
     Attributes:
         unknown_tags: numbers seen in the latest whole picture that no robot has.
         duplicate_tags: numbers that the latest picture shows more than once.
-        misfit_tags: numbers that the latest picture shows as something that is not a square of the tag's size, and the
-            size seen [m]. A wrong ``tag_size``, or not the tag.
+        misfit_tags: numbers seen since the latest whole search as something that is not a square of the tag's size,
+            and the size seen [m]. A wrong ``tag_size``, or not the tag.
         swept: whether the latest picture was searched as a whole.
 
     Args:
@@ -154,7 +154,8 @@ class Localizer:
         self._tracks = tracks
 
     def _sightings(self, markers: list[Marker]) -> list[tuple[Marker, Sighting]]:
-        self.misfit_tags = {}
+        if self.swept:
+            self.misfit_tags = {}
         if not markers:
             return []
         corners = np.stack([marker.corners for marker in markers])

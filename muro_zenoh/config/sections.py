@@ -122,7 +122,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     width: Annotated[int, Meta(gt=0, le=8192)] = 1280
     height: Annotated[int, Meta(gt=0, le=8192)] = 720
     rate: Annotated[float, Meta(gt=0, le=240)] = 20.0
-    latency: NotNegative = 0.055
+    latency: NotNegative = 0.05
     family: str = "DICT_4X4_50"
     pixels: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
     metres: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
