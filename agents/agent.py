@@ -1,26 +1,18 @@
-"""The agent of one robot: opens the bus and runs its tasks.
-
-``python -P -m agents.agent SCENARIO NAME``
-"""
+"""The agent of one robot: opens the bus, and runs its tasks round one control loop."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import sys
 
-from agents.robot import Robot
-from agents.tasks.behave import Behave
-from agents.tasks.drive import Drive
-from agents.tasks.localize import Localize
-from muro_zenoh import channels
-from muro_zenoh.config import Scenario, load_scenario
+from agents.control_loop import ControlLoop
+from agents.tasks.behaviour import BehaviourRunner
+from agents.tasks.control import Listener, Sender, control
+from agents.tasks.health import report_health
+from agents.tasks.orders import answer_goals, obey_stops
+from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.messages import Health
-from muro_zenoh.runtime.process import ready, run_process
+from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus
-
-_HEALTH_PERIOD = 1.0
 
 
 class Agent:
@@ -40,60 +32,23 @@ class Agent:
             raise ConfigError(f"agent {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
         settings = scenario.robot[name]
         self._bus = bus
-        self._localize = Localize(bus, name, settings)
-        self._drive = Drive(bus, name, settings, self._localize)
-        robot = Robot(bus, name, scenario, self._localize, self._drive)
-        self._behave = Behave(robot, bus.latest(channels.BEHAVIOUR, name))
-        self._health = bus.publisher(channels.HEALTH, name)
+        self._name = name
+        self._loop = ControlLoop(name, settings)
+        self._sender = Sender(bus, name)
+        self._listener = Listener(bus, name)
+        self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:
         """Run every task; one that crashes takes the others, and the agent, down."""
+        bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
+        wake = asyncio.Event()
+        latencies: list[float] = []
+        answer_goals(bus, name, loop, self._runner)
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._drive.run(), name="drive")
-            tasks.create_task(self._localize.run(), name="localize")
-            tasks.create_task(self._behave.run(), name="behave")
-            tasks.create_task(self._report(), name="health")
-
-    async def _report(self) -> None:
-        """Health once a second, and at once when the robot starts or stops to drive."""
-        drive, localize = self._drive, self._localize
-        commands, since = 0, self._bus.clock.now()
-        rate = 0.0
-        while True:
-            now = self._bus.clock.now()
-            if now - since > 0.5 * _HEALTH_PERIOD:
-                rate = (drive.commands - commands) / (now - since)
-                commands, since = drive.commands, now
-            ages, localize.pose_ages = localize.pose_ages, []
-            latencies, drive.latencies = drive.latencies, []
-            self._health.put(
-                Health(
-                    role="agent",
-                    state=self._state(),
-                    reasons=drive.reasons,
-                    numbers={
-                        "fixes": localize.fixes,
-                        "commands": drive.commands,
-                        "command_rate_hz": round(rate, 1),
-                        **self._bus.numbers(),
-                    },
-                    samples={"pose_age_s": tuple(ages), "pose_to_command_s": tuple(latencies)},
-                    stop_latched=drive.latch.stopped,
-                    stop_all=drive.latch.everybody,
-                    stop_revision=max(drive.latch.revision, 0),
-                )
-            )
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_HEALTH_PERIOD):
-                    await drive.changed.wait()
-            drive.changed.clear()
-
-    def _state(self) -> str:
-        if self._drive.latch.stopped:
-            return "stopped"
-        if self._drive.reasons:
-            return "holding"
-        return self._behave.name.rpartition(":")[2] or "driving"
+            tasks.create_task(control(bus, name, loop, self._listener, sender, wake, latencies), name="control")
+            tasks.create_task(obey_stops(bus, loop, sender, wake), name="stop")
+            tasks.create_task(self._runner.run(), name="behaviour")
+            tasks.create_task(report_health(bus, name, loop, self._runner, wake, latencies), name="health")
 
 
 async def run_agent(scenario: Scenario, name: str) -> None:
@@ -112,13 +67,3 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         bus.announce("agent", name)
         ready("agent", name)
         await agent.run()
-
-
-def main(arguments: list[str]) -> int:
-    """``SCENARIO NAME``: the exit code."""
-    path, name = arguments
-    return run_process(lambda: run_agent(load_scenario(path), name), name)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,244 +1,305 @@
-"""The robot as a behaviour sees it, built in or a user's own.
+"""The robot as a user's own behaviour sees it.
 
-::
+The simplest one is called at each estimate and returns what to drive; ``async`` ones run until another is ordered::
 
-    async def flock(robot):
+    def flock(robot):
+        ...
+        return v, omega
+
+    async def patrol(robot):
         async for estimate in robot.estimates():
-            ...
             robot.drive(v, omega)
 """
 
 from __future__ import annotations
 
-import copy
-from collections.abc import AsyncIterator, Mapping
-from typing import Any, TypeVar
+from collections.abc import AsyncIterator, Callable, Mapping
+from typing import Any, NamedTuple, TypeVar
 
-from agents.tasks.drive import Drive
-from agents.tasks.localize import Localize
-from muro_zenoh import channels, config
-from muro_zenoh.estimation.wheel_model import WheelLimits
-from muro_zenoh.geometry import Circle, Pose2, Twist2, advance
-from muro_zenoh.messages import (
-    Ack,
-    Cell,
-    Estimate,
-    FleetSnapshot,
-    Goal,
-    Message,
-    PlannedPath,
-    RobotState,
-    SpeedReference,
-    Value,
-)
-from muro_zenoh.planning.bounds import Bounds
-from muro_zenoh.planning.path import Path
-from muro_zenoh.transport import Bus, Every, Latest, Publisher
+from muro_zenoh import config
+from muro_zenoh.behaviours.circle import CircleFollowing
+from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Vehicle, hold
+from muro_zenoh.control.circle import CircleLaw
+from muro_zenoh.errors import BehaviourError, MuroError, PlanningError
+from muro_zenoh.geometry import Bounds, Circle, State, Twist2
+from muro_zenoh.messages import Estimate
+from muro_zenoh.planning.destination import Destination
+from muro_zenoh.transport import Latest
 
-S = TypeVar("S", bound=config.Section)
-M = TypeVar("M", bound=Message)
+P = TypeVar("P")
 
 
-WHEEL_LAG = WheelLimits().lag
-"""A law is evaluated where the robot will be when its wheels obey [s]."""
+class Neighbour(NamedTuple):
+    """Another robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
+    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
+    ``lost``."""
+
+    name: str
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+    age: float
+    state: str
+
+
+class Connection(NamedTuple):
+    """What a :class:`Robot` reaches the rest of its agent by.
+
+    ``seen``: what there was to see at the newest estimate; ``want``: says what to do now; ``behave``: hands the wheels
+    to a behaviour that is asked at each estimate; ``estimates``: a new mailbox with the robot's own estimates; ``now``:
+    the clock [s since 1970].
+    """
+
+    seen: Callable[[], Seen | None]
+    want: Callable[[Intent], None]
+    behave: Callable[[Behaviour | None], None]
+    estimates: Callable[[], Latest[Estimate]]
+    now: Callable[[], float]
 
 
 class Robot:
-    """One robot, as a behaviour sees it.
+    """One robot, for one run of a behaviour.
 
     Args:
-        bus: the bus.
-        name: the robot's name.
-        scenario: the settings.
-        localize: where it is.
-        drive: its way to the wheels.
+        vehicle: its name, limits and arena.
+        settings: its section of the fleet file.
+        parameters: the behaviour's, by key.
+        connection: to its agent.
 
     Attributes:
         name: its name.
         settings: its section of the fleet file.
-        arena: the floor.
-        parameters: the behaviour's parameters.
+        arena: the floor [m, world].
+        parameters: the behaviour's parameters, by key.
     """
 
-    def __init__(self, bus: Bus, name: str, scenario: config.Scenario, localize: Localize, drive: Drive) -> None:
-        self.name = name
-        self.settings = scenario.robot[name]
-        a = scenario.arena
-        self.arena = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
-        self.parameters: Mapping[str, Value] = {}
-        self._bus = bus
-        self._localize = localize
-        self._drive = drive
-        self._snapshot = bus.latest(channels.ALL_POSITIONS)
-        self._circle = bus.latest(channels.CIRCLE)
-        self._publishers: dict[str, Publisher[Any]] = {}
-        self._given_back = False
+    def __init__(
+        self, vehicle: Vehicle, settings: config.RobotSettings, parameters: Mapping[str, Any], connection: Connection
+    ) -> None:
+        self.name = vehicle.name
+        self.settings = settings
+        self.arena: Bounds = vehicle.arena
+        self.parameters = parameters
+        self._vehicle = vehicle
+        self._connection = connection
+        self._revoked = False
+        self._ride: Behaviour | None = None
+        self._circle = CircleFollowing(CircleLaw(), 0.0)
 
-    def lend(self) -> Robot:
-        """This robot, for one run of a behaviour: what it has left behind when it ended must not drive on."""
-        lent = copy.copy(self)
-        lent._given_back = False
-        return lent
+    def revoke(self) -> None:
+        """The run is over: from now on nothing that is asked of this one has an effect."""
+        self._revoked = True
 
-    def give_back(self) -> None:
-        """The run is over: from now on nothing that is said to this one has an effect."""
-        self._given_back = True
+    @property
+    def revoked(self) -> bool:
+        """Whether the run is over."""
+        return self._revoked
 
-    def parameters_as(self, kind: type[S]) -> S:
+    def parameters_as(self, kind: type[P]) -> P:
         """The behaviour's parameters, checked.
 
         Args:
-            kind: a :class:`~muro_zenoh.config.Section` of the behaviour's own.
+            kind: a frozen dataclass of the behaviour's own, or a :class:`~muro_zenoh.config.Section`.
 
         Raises:
             ConfigError: a wrong key, type or range.
         """
         return config.parameters_as(kind, self.parameters, f"behaviour of {self.name}")
 
+    # ---- what there is to see
+
     async def estimates(self) -> AsyncIterator[Estimate]:
         """This robot's estimates as they are made; a slow reader gets the newest."""
-        inbox = self._bus.latest(channels.ESTIMATE, self.name, own_only=True)
+        inbox = self._connection.estimates()
         try:
             async for received in inbox:
                 yield received.message
         finally:
             inbox.close()
 
-    def ahead(self, dt: float = WHEEL_LAG) -> Pose2 | None:
-        """Where this robot will be at the speeds of its newest estimate, or None when there is no estimate.
-
-        Args:
-            dt: how far ahead of the estimate [s]; by default the time that the wheels take to obey.
-        """
-        newest = self._localize.newest
-        if newest is None:
-            return None
-        return advance(Pose2(newest.x, newest.y, newest.theta), newest.v, newest.omega, dt)
+    @property
+    def state(self) -> State | None:
+        """Where this robot is, and how fast; None before the first fix."""
+        seen = self._connection.seen()
+        return seen.state if seen is not None else None
 
     @property
-    def neighbours(self) -> tuple[RobotState, ...]:
-        """All other robots as the cameras last saw them, the age brought up to now; none when no snapshot came yet.
+    def ahead(self) -> State | None:
+        """Where this robot will be, and how fast, when a command given now is felt at its wheels; None before the
+        first fix."""
+        seen = self._connection.seen()
+        return seen.ahead if seen is not None else None
+
+    @property
+    def neighbours(self) -> tuple[Neighbour, ...]:
+        """All other robots as the cameras last saw them; none while no fresh snapshot is known.
 
         A robot that is not seen any more stays in it (``stale``, then ``lost``): it is an obstacle where it was.
         """
-        snapshot = self._snapshot.get()
+        seen = self._connection.seen()
+        snapshot = seen.snapshot if seen is not None else None
         if snapshot is None:
             return ()
-        since = snapshot.age(self._bus.clock.now())
         return tuple(
-            RobotState(r.name, r.x, r.y, r.theta, r.v, r.omega, r.age + since, r.state)
-            for r in snapshot.message.robots
+            Neighbour(r.name, r.x, r.y, r.theta, r.v, r.omega, r.age + snapshot.age, r.state)
+            for r in snapshot.robots
             if r.name != self.name
         )
 
     @property
-    def snapshot(self) -> FleetSnapshot | None:
-        """All robots, this one too, as everybody was told at the same moment; None before the first."""
-        snapshot = self._snapshot.get()
-        return snapshot.message if snapshot is not None else None
-
-    @property
-    def snapshot_age(self) -> float:
-        """Age of the newest snapshot [s]; infinite before the first."""
-        snapshot = self._snapshot.get()
-        return snapshot.age(self._bus.clock.now()) if snapshot is not None else float("inf")
-
-    @property
     def stopped(self) -> frozenset[str]:
         """The robots that the newest stop order names."""
-        return self._drive.stopped_names
+        seen = self._connection.seen()
+        return seen.stopped if seen is not None else frozenset()
 
     @property
     def circle(self) -> Circle | None:
-        """The circle to follow, or None before the first was heard."""
-        received = self._circle.get()
-        return received.message.circle if received is not None else None
+        """The circle to follow; None before one was received."""
+        seen = self._connection.seen()
+        return seen.circle if seen is not None else None
+
+    @property
+    def speed(self) -> float | None:
+        """What somebody says on ``muro/velocity/<name>`` [m/s]; None when nothing fresh is."""
+        seen = self._connection.seen()
+        return seen.speed if seen is not None else None
+
+    @property
+    def now(self) -> float:
+        """The clock [s since 1970]."""
+        return self._connection.now()
+
+    # ---- what to do
 
     def drive(self, v: float, omega: float) -> None:
         """Drive, through calibration, limits and everything that may keep the robot from driving.
 
-        Args:
-            v: forward speed wanted of the body [m/s].
-            omega: turning rate wanted of the body [rad/s].
-        """
-        if not self._given_back:
-            self._drive.twist(Twist2(v, omega))
+        Say it again at each estimate: a robot whose behaviour is silent for 0.25 s is stopped.
 
-    def hold(self, reason: str) -> None:
+        Args:
+            v: forwards [m/s].
+            omega: counter-clockwise [rad/s].
+        """
+        self._want(Intent(Twist2(v, omega)))
+
+    def hold(self, reason: str = "the behaviour wants to stand still") -> None:
         """Stand still.
 
         Args:
-            reason: why; the operator sees it.
+            reason: why; operators read it.
         """
-        if not self._given_back:
-            self._drive.hold(reason)
+        self._want(hold(reason))
 
     def velocity(self, speed: float) -> None:
-        """Say how fast this robot shall go along its path, as ``muro/velocity/<name>``.
+        """Follow the circle at a speed, and say the speed on ``muro/velocity/<name>``; as often as :meth:`drive`.
 
         Args:
-            speed: along the path [m/s].
+            speed: along the circle [m/s].
         """
-        self._say(channels.VELOCITY, SpeedReference(speed=speed))
-
-    def speed_references(self) -> Latest[SpeedReference]:
-        """A mailbox with the speed that this robot shall go, from whoever says it; close it when done."""
-        return self._bus.latest(channels.VELOCITY, self.name)
+        seen = self._connection.seen()
+        if seen is not None:
+            self._want(self._circle.step(seen._replace(speed=speed))._replace(speed=speed))
 
     def goal(self, x: float, y: float, theta: float | None = None) -> None:
-        """Say where this robot shall go, as ``muro/goal/<name>``.
+        """Drive to a goal along a Dubins curve, until something else is asked for; once is enough.
 
         Args:
             x: the goal [m, world].
             y: the goal [m, world].
             theta: the heading to arrive with [rad]; None when it does not matter.
+
+        Raises:
+            PlanningError: no path leads there, or nothing is known yet of where the robot is.
         """
-        self._say(channels.GOAL, Goal(x=x, y=y, theta=theta))
+        from muro_zenoh.behaviours import dubins  # needs numpy, which most agents do without
 
-    def goals(self) -> Every[Goal]:
-        """A mailbox with the goals of this robot, from whoever says them; close it when done."""
-        return self._bus.every(channels.GOAL, self.name, depth=16)
+        seen = self._connection.seen()
+        if seen is None:
+            raise PlanningError(f"goal ({x:g}, {y:g}): got no pose of {self.name} yet, expected one to plan from")
+        ride = self._ride or dubins.make(dubins.Parameters(), self._vehicle)
+        refused = ride.go_to(Destination(x, y, theta), seen)
+        if refused:
+            raise PlanningError(refused)
+        if not self._revoked:
+            self._ride = ride
+            self._connection.behave(ride)
 
-    def acks(self) -> Publisher[Ack]:
-        """Where orders to this robot are answered; close it when done."""
-        return self._bus.publisher(channels.ACK, self.name)
-
-    def show_path(self, path: Path, goal_theta: bool) -> None:
-        """Publish a planned path.
-
-        Args:
-            path: the path.
-            goal_theta: whether the goal asked for the heading at its end.
-        """
-        x, y, theta = path.start
-        segments = tuple((segment.length, segment.curvature) for segment in path.segments)
-        self._say(channels.PATH, PlannedPath(x=x, y=y, theta=theta, segments=segments, goal_theta=goal_theta))
-
-    def show_cell(self, corners: tuple[tuple[float, float], ...], x: float, y: float) -> None:
-        """Publish a Voronoi cell.
-
-        Args:
-            corners: of the cell, counter-clockwise [m, world].
-            x: of the centroid [m, world].
-            y: of the centroid [m, world].
-        """
-        self._say(channels.CELL, Cell(corners=corners, x=x, y=y))
-
-    @property
-    def may_drive(self) -> bool:
-        """Whether nothing kept the robot from driving at its last command."""
-        return not self._drive.reasons
-
-    @property
-    def now(self) -> float:
-        """The local clock [s since 1970]."""
-        return self._bus.clock.now()
-
-    def _say(self, channel: channels.Channel[M], message: M) -> None:
-        """Publish under this robot's name; most robots never need most channels, so they are declared when they do."""
-        if self._given_back:
+    def _want(self, intent: Intent) -> None:
+        if self._revoked:
             return
-        publisher = self._publishers.get(channel.word)
-        if publisher is None:
-            publisher = self._publishers[channel.word] = self._bus.publisher(channel, self.name)
-        publisher.put(message)
+        if self._ride is not None:
+            self._ride = None
+            self._connection.behave(None)
+        self._connection.want(intent)
+
+
+class CalledBehaviour(Behaviour):
+    """A user's own function that is called at each estimate and returns ``v, omega``.
+
+    It may call the robot's methods instead and return nothing. One that raises is not called again.
+
+    Args:
+        function: the function.
+        make_robot: makes the robot that it is called with.
+        on_error: called with the error that it raises; returns the reason to stand still with.
+    """
+
+    def __init__(
+        self,
+        function: Callable[[Robot], Any],
+        make_robot: Callable[[Connection], Robot],
+        on_error: Callable[[Exception], str],
+    ) -> None:
+        self._function = function
+        self._on_error = on_error
+        self._seen: Seen | None = None
+        self._intent: Intent | None = None
+        self._ride: Behaviour | None = None
+        self._failure = ""
+        self._robot = make_robot(
+            Connection(lambda: self._seen, self._want, self._behave, _no_estimates, lambda: self._seen_now)
+        )
+
+    def step(self, seen: Seen) -> Intent:
+        """Call the function.
+
+        Args:
+            seen: what the robot's properties show to it.
+        """
+        if self._failure:
+            return hold(self._failure)
+        self._seen, self._intent = seen, None
+        try:
+            wanted = self._function(self._robot)
+            if wanted is not None:
+                return Intent(_twist(wanted))
+        except (MuroError, ValueError) as error:
+            self._failure = self._on_error(error)
+            return hold(self._failure)
+        if self._intent is not None:
+            return self._intent
+        return self._ride.step(seen) if self._ride is not None else hold("the behaviour returned nothing")
+
+    @property
+    def _seen_now(self) -> float:
+        return self._seen.now if self._seen is not None else 0.0
+
+    def _want(self, intent: Intent) -> None:
+        self._intent = intent
+
+    def _behave(self, ride: Behaviour | None) -> None:
+        self._ride = ride
+
+
+def _twist(wanted: Any) -> Twist2:
+    try:
+        v, omega = wanted
+        return Twist2(float(v), float(omega))
+    except (TypeError, ValueError):
+        raise ValueError(f"got {wanted!r}, expected `return v, omega` [m/s, rad/s]") from None
+
+
+def _no_estimates() -> Latest[Estimate]:
+    raise BehaviourError("robot.estimates() needs `async def f(robot)`; a plain function is called at each estimate")

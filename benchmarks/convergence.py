@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from muro_zenoh.control.circle import CIRCLE_LAWS, DEFAULT_CIRCLE_LAW, circle_law
+from muro_zenoh.control.circle import CIRCLE_LAWS, VectorFieldGains, circle_law
 from muro_zenoh.geometry import Circle
 from muro_zenoh.simulation.rollout.runs import CircleRun, follow_circle, settling_time
 from muro_zenoh.simulation.rollout.settings import CLEAN, NOISY
@@ -51,7 +51,7 @@ def measure(n: int, seconds: float, laws: Iterable[str] = CIRCLE_LAWS) -> list[d
             rows.append(
                 {
                     "law": law,
-                    "default": law == DEFAULT_CIRCLE_LAW,
+                    "default": law == VectorFieldGains.NAME,
                     "loop": loop,
                     "median": finite(np.quantile(ratio, 0.5, method="higher")),
                     "p90": finite(np.quantile(ratio, 0.9, method="higher")),
@@ -60,7 +60,7 @@ def measure(n: int, seconds: float, laws: Iterable[str] = CIRCLE_LAWS) -> list[d
                     "left_out": int((~counted).sum()),
                 }
             )
-            if law == DEFAULT_CIRCLE_LAW and loop == "noisy":
+            if law == VectorFieldGains.NAME and loop == "noisy":
                 rows[-1] |= calibrate(run)
     return rows
 

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from muro_zenoh.geometry import Pose2
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds, Pose2
 from muro_zenoh.planning.coverage import Point, cell, cells
 from muro_zenoh.planning.dubins import all_words, plan, shortest_word
 from muro_zenoh.planning.voronoi import voronoi_cells

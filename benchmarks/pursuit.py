@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from muro_zenoh.control.circle import circle_law
-from muro_zenoh.control.pursuit import DEFAULT_GAINS, PursuitLaw
+from muro_zenoh.control.pursuit import PURSUIT_LAWS, pursuit_law
 from muro_zenoh.geometry import Circle
 from muro_zenoh.simulation.rollout.runs import pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import CLEAN, NOISY
@@ -31,7 +31,7 @@ ROBOTS, BUNCH = 10, math.radians(60.0)
 V_MIN, V_MAX, BAND = 0.05, 0.4, 0.1
 CRUISE = 0.2
 GOAL = 1.15
-LAWS = [name for name in DEFAULT_GAINS if name != "importance"]  # that one spreads unevenly on purpose
+LAWS = [name for name in PURSUIT_LAWS if name != "importance"]  # that one spreads unevenly on purpose
 
 
 def draw_starts(trials: int, seed: int = 1) -> np.ndarray:
@@ -46,10 +46,10 @@ def measure(trials: int, seconds: float, laws: Iterable[str] = LAWS) -> list[dic
     starts = draw_starts(trials)
     angles = np.arctan2(starts[..., 1], starts[..., 0])
     bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX)
-    default = PursuitLaw().name
+    default = pursuit_law().NAME
     rows = []
     for name in laws:
-        law = PursuitLaw(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
+        law = pursuit_law(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
         for loop, settings in (("clean", CLEAN), ("noisy", NOISY)):
             # the hidden drive errors may ask 20 % more of the wheels than of the robot
             settings = replace(settings, v_max=1.5 * V_MAX)

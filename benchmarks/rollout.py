@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from muro_zenoh.control.circle import circle_law
-from muro_zenoh.control.pursuit import PursuitLaw, pursuit_speed
+from muro_zenoh.control.pursuit import pursuit_law, pursuit_speed
 from muro_zenoh.control.ring_arrays import array_gaps
-from muro_zenoh.geometry import Circle
-from muro_zenoh.simulation.rollout.fleet import Fleet, Policy, Seen
+from muro_zenoh.geometry import Circle, State
+from muro_zenoh.simulation.rollout.fleet import Fleet, Policy
 from muro_zenoh.simulation.rollout.settings import NOISY
 
 CIRCLE = Circle(0.0, 0.0, 1.1)
@@ -35,18 +35,18 @@ Array = np.ndarray
 def following(n: int) -> Policy:
     """Circular path following, each robot alone."""
     law, speed = circle_law(), np.full(n, 0.2)
-    return lambda t, seen: (speed, law(seen.x, seen.y, seen.theta, seen.v, CIRCLE))
+    return lambda t, ahead: (speed, law(ahead.x, ahead.y, ahead.theta, ahead.v, CIRCLE))
 
 
 def pursuing(trials: int, robots: int) -> Policy:
     """Cyclic pursuit within each trial, and circular path following."""
-    law, circle = PursuitLaw(), circle_law()
+    law, circle = pursuit_law(), circle_law()
 
-    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
-        angle = np.arctan2(seen.y - CIRCLE.y, seen.x - CIRCLE.x).reshape(trials, robots)
+    def policy(t: float, ahead: State) -> tuple[Array, Array]:
+        angle = np.arctan2(ahead.y - CIRCLE.y, ahead.x - CIRCLE.x).reshape(trials, robots)
         gap, behind, count = array_gaps(angle, CIRCLE.clockwise)
         speed = pursuit_speed(law, gap, behind, count, angle, CIRCLE.radius, CIRCLE.clockwise)
-        return speed.ravel(), circle(seen.x, seen.y, seen.theta, seen.v, CIRCLE)
+        return speed.ravel(), circle(ahead.x, ahead.y, ahead.theta, ahead.v, CIRCLE)
 
     return policy
 

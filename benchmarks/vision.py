@@ -27,13 +27,13 @@ from basestation.localization.homography import Homography
 from basestation.localization.localizer import Localizer
 from basestation.localization.markers import Marker, TagDetector
 from basestation.localization.sightings import Sighting
-from muro_zenoh.geometry import TagMount, straight_down_view, wrap_to_pi
+from muro_zenoh.geometry import Bounds, TagMount, straight_down_view, wrap_to_pi
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
 
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 1280, 720
-ARENA = (-2.1, -1.5, 2.1, 1.5)
+ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 RATE = 20.0
 Result = TypeVar("Result")
 
@@ -82,8 +82,8 @@ def drive(robots: int, frames: int, rng: np.random.Generator) -> list[Array]:
     """Poses (robots, 3) frame by frame, each robot on a circle of its own cell, at up to 0.4 m/s, never touching."""
     columns = math.ceil(math.sqrt(1.6 * robots))
     rows = math.ceil(robots / columns)
-    cell = np.array([(ARENA[2] - ARENA[0]) / columns, (ARENA[3] - ARENA[1]) / rows])
-    middles = np.array([(ARENA[0], ARENA[1]) + cell * (i % columns + 0.5, i // columns + 0.5) for i in range(robots)])
+    cell = np.array([ARENA.width / columns, ARENA.height / rows])
+    middles = np.array([ARENA.corners[0] + cell * (i % columns + 0.5, i // columns + 0.5) for i in range(robots)])
     radius = max(float(cell.min()) / 2.0 - 0.177, 0.02)
     omega = np.minimum(rng.uniform(0.1, 0.4, robots) / radius, 1.5) * rng.choice((-1.0, 1.0), robots)
     start = rng.uniform(-math.pi, math.pi, robots)
@@ -99,7 +99,7 @@ def drive(robots: int, frames: int, rng: np.random.Generator) -> list[Array]:
 def run(robots: int, frames: int, quality: int = 85) -> tuple[list[Stage], float]:
     """Every stage on the same frames; and the mean size of a JPEG [kB]."""
     rng = np.random.default_rng(1)
-    views = straight_down_view(*ARENA, WIDTH, HEIGHT, margin=0.1)
+    views = straight_down_view(ARENA, WIDTH, HEIGHT, margin=0.1)
     camera = OverheadCamera.from_views(WIDTH, HEIGHT, views)
     mounts = [TagMount(i, 0.16, x=-0.03, y=0.02, yaw=0.3) for i in range(robots)]
     tags = {mount.id: (f"r{mount.id}", mount) for mount in mounts}

@@ -49,6 +49,10 @@ class Floats:
         return math.sin(a), math.cos(a)
 
     @staticmethod
+    def sinc(a: Any) -> Any:
+        return math.sin(a) / a if a else 1.0
+
+    @staticmethod
     def minimum(a: Any, b: Any) -> Any:
         return a if a < b else b
 
@@ -66,11 +70,12 @@ class Floats:
 
 
 FLOATS: Final[Any] = Floats()
+_NUMBERS: Final = (float, int)  # a tuple is looked through in half the time of a union
 
 
 def of(value: Any) -> Any:
     """The namespace that fits ``value``: :data:`FLOATS` for a number, else :data:`muro_zenoh.arrays.ARRAYS`."""
-    if isinstance(value, float | int):
+    if isinstance(value, _NUMBERS):
         return FLOATS
     from muro_zenoh.arrays import ARRAYS
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+from muro_zenoh.quantities import Coordinate, Count, Length, Quantity, check_quantities
 
 TWO_PI = 2.0 * math.pi
 
@@ -78,36 +80,121 @@ def wrap_to_pi(angle: float) -> float:
 
 
 def ccw_gap(start: float, end: float) -> float:
-    """The counter-clockwise way from angle ``start`` to angle ``end``, in [0, 2 pi) [rad]."""
+    """The counter-clockwise angle from angle ``start`` to angle ``end``, in [0, 2 pi) [rad]."""
     gap = math.fmod(end - start, TWO_PI)
     if gap < 0.0:
         gap += TWO_PI
     return 0.0 if gap >= TWO_PI else gap
 
 
-def advance(pose: Pose2, v: float, omega: float, dt: float) -> Pose2:
-    """Where a unicycle at ``pose`` is after ``dt`` [s] at constant ``v`` [m/s] and ``omega`` [rad/s].
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A circle to follow.
 
-    Exact along the arc (a chord through the mid heading, scaled by sinc), so it holds at any ``dt``.
+    Args:
+        x: of its centre [m, world].
+        y: of its centre [m, world].
+        radius: of it [m].
+        clockwise: the direction of travel.
+
+    Raises:
+        ParameterError: a number outside its limits.
     """
-    half = 0.5 * omega * dt
-    chord = v * dt * (math.sin(half) / half if abs(half) > 1e-6 else 1.0 - half * half / 6.0)
-    mid = pose.theta + half
-    return Pose2(pose.x + chord * math.cos(mid), pose.y + chord * math.sin(mid), wrap_to_pi(pose.theta + omega * dt))
 
-
-class Circle(NamedTuple):
-    """A circle to follow: centre ``x``, ``y`` [m, world], ``radius`` [m]; ``clockwise`` is the direction of travel."""
-
-    x: float
-    y: float
-    radius: float
+    x: Coordinate
+    y: Coordinate
+    radius: Length
     clockwise: bool = False
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
 
     @property
     def sigma(self) -> float:
         """+1 for counter-clockwise travel, -1 for clockwise."""
         return -1.0 if self.clockwise else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The floor that robots may use, a rectangle; one that is inside out holds nothing.
+
+    Args:
+        x_min: left border [m, world].
+        x_max: right border [m, world].
+        y_min: lower border [m, world].
+        y_max: upper border [m, world].
+
+    Raises:
+        ParameterError: a number that is not finite.
+    """
+
+    x_min: Coordinate
+    x_max: Coordinate
+    y_min: Coordinate
+    y_max: Coordinate
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def __str__(self) -> str:
+        return f"x {self.x_min:g} to {self.x_max:g}, y {self.y_min:g} to {self.y_max:g} m"
+
+    @property
+    def width(self) -> float:
+        """From the left border to the right one [m]."""
+        return self.x_max - self.x_min
+
+    @property
+    def height(self) -> float:
+        """From the lower border to the upper one [m]."""
+        return self.y_max - self.y_min
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """The four corners, counter-clockwise from the lower left [m, world]."""
+        return (
+            (self.x_min, self.y_min),
+            (self.x_max, self.y_min),
+            (self.x_max, self.y_max),
+            (self.x_min, self.y_max),
+        )
+
+    def clearance(self, x: float, y: float) -> float:
+        """Distance from a place to the nearest border [m]; below 0 outside.
+
+        Args:
+            x: place [m, world].
+            y: place [m, world].
+        """
+        return min(x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y)
+
+    def holds(self, x: float, y: float, slack: float = 1e-9) -> bool:
+        """Whether a place is inside, border included; NaN never is.
+
+        Args:
+            x: place [m, world].
+            y: place [m, world].
+            slack: how far outside still counts [m]; rounding.
+        """
+        return self.x_min - slack <= x <= self.x_max + slack and self.y_min - slack <= y <= self.y_max + slack
+
+    def nearest(self, x: float, y: float) -> tuple[float, float]:
+        """The place inside nearest to a place [m, world].
+
+        Args:
+            x: place [m, world].
+            y: place [m, world].
+        """
+        return min(max(x, self.x_min), self.x_max), min(max(y, self.y_min), self.y_max)
+
+    def shrunk(self, margin: float) -> Bounds:
+        """The places that keep ``margin`` [m] from the walls.
+
+        Args:
+            margin: distance to keep [m], such as a robot's radius; below 0 to go beyond the walls.
+        """
+        return Bounds(self.x_min + margin, self.x_max - margin, self.y_min + margin, self.y_max - margin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +204,7 @@ class TagMount:
     The tag's own +x runs from its left edge to its right edge as printed, its +y from bottom to top, its origin is its
     centre. With ``yaw`` 0 the print's right edge looks forwards and its top edge to the robot's left.
 
-    Attributes:
+    Args:
         id: the number that the tag encodes.
         size: side of the tag's black square [m].
         x: the tag's centre, forwards of the axle [m].
@@ -125,18 +212,17 @@ class TagMount:
         yaw: from the base's x to the tag's x, counter-clockwise [rad].
 
     Raises:
-        ValueError: a size that is not positive.
+        ParameterError: a number outside its limits.
     """
 
-    id: int
-    size: float
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
+    id: Count
+    size: Length
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw: Annotated[float, Quantity("rad")] = 0.0
 
     def __post_init__(self) -> None:
-        if not self.size > 0.0:
-            raise ValueError(f"tag {self.id} of size {self.size} m, expected more than 0")
+        check_quantities(self)
 
     @property
     def pose(self) -> Pose2:
@@ -156,16 +242,11 @@ class View(NamedTuple):
     y: float
 
 
-def straight_down_view(
-    x_min: float, y_min: float, x_max: float, y_max: float, width: int, height: int, margin: float = 0.0
-) -> tuple[View, View, View, View]:
+def straight_down_view(bounds: Bounds, width: int, height: int, margin: float = 0.0) -> tuple[View, View, View, View]:
     """Four points of a camera that looks straight down and sees a whole rectangle with square pixels.
 
     Args:
-        x_min: left edge of the rectangle [m].
-        y_min: lower edge [m].
-        x_max: right edge [m].
-        y_max: upper edge [m].
+        bounds: the rectangle.
         width: of the picture [px].
         height: of the picture [px].
         margin: seen beyond each edge, at least [m].
@@ -173,11 +254,12 @@ def straight_down_view(
     Returns:
         The rectangle's corners, from the lower left one counter-clockwise. World y is up, the picture's v down.
     """
-    metres_per_pixel = max((x_max - x_min + 2.0 * margin) / width, (y_max - y_min + 2.0 * margin) / height)
-    x_mid, y_mid = 0.5 * (x_min + x_max), 0.5 * (y_min + y_max)
+    seen = bounds.shrunk(-margin)
+    metres_per_pixel = max(seen.width / width, seen.height / height)
+    x_mid, y_mid = 0.5 * (bounds.x_min + bounds.x_max), 0.5 * (bounds.y_min + bounds.y_max)
     u_mid, v_mid = 0.5 * (width - 1), 0.5 * (height - 1)
-
-    def seen(x: float, y: float) -> View:
-        return View(u_mid + (x - x_mid) / metres_per_pixel, v_mid - (y - y_mid) / metres_per_pixel, x, y)
-
-    return seen(x_min, y_min), seen(x_max, y_min), seen(x_max, y_max), seen(x_min, y_max)
+    first, second, third, fourth = (
+        View(u_mid + (x - x_mid) / metres_per_pixel, v_mid - (y - y_mid) / metres_per_pixel, x, y)
+        for x, y in bounds.corners
+    )
+    return first, second, third, fourth

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Final, get_args, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from muro_zenoh.errors import ParameterError
 
@@ -31,6 +32,7 @@ class Quantity:
         below: only values below this.
         at_most: only values of at most this.
         finite: whether infinity is no value either.
+        whole: whether only whole numbers make sense.
     """
 
     unit: str = ""
@@ -39,6 +41,7 @@ class Quantity:
     below: float | None = None
     at_most: float | None = None
     finite: bool = True
+    whole: bool = False
 
     def allows(self, value: object) -> bool:
         """Whether a value is a number within the limits; NaN never is.
@@ -50,41 +53,59 @@ class Quantity:
             return False
         return (
             (math.isfinite(value) or not self.finite)
+            and (isinstance(value, int) or not self.whole)
             and (self.above is None or value > self.above)
             and (self.at_least is None or value >= self.at_least)
             and (self.below is None or value < self.below)
             and (self.at_most is None or value <= self.at_most)
         )
 
+    def allows_all(self, value: object) -> bool:
+        """Whether a value is such a number, or a tuple (of tuples) of them.
+
+        Args:
+            value: what was given.
+        """
+        return all(map(self.allows_all, value)) if isinstance(value, tuple) else self.allows(value)
+
     def __str__(self) -> str:
         limits = (("above", self.above), ("at least", self.at_least), ("below", self.below), ("at most", self.at_most))
-        words = ["a number", " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)]
-        return " ".join([*(word for word in words if word), *([f"[{self.unit}]"] if self.unit else [])])
+        words = "a whole number" if self.whole else "a number"
+        bounds = " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
+        return " ".join(filter(None, [words, bounds, f"[{self.unit}]" if self.unit else ""]))
 
 
+Number = Annotated[float, Quantity()]
+Positive = Annotated[float, Quantity(above=0.0)]
+NotNegative = Annotated[float, Quantity(at_least=0.0)]
+Count = Annotated[int, Quantity(at_least=0, whole=True)]
+Coordinate = Annotated[float, Quantity("m")]
 Length = Annotated[float, Quantity("m", above=0.0)]
 Distance = Annotated[float, Quantity("m", at_least=0.0)]
+Angle = Annotated[float, Quantity("rad", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)]
+AngleSize = Annotated[float, Quantity("rad", above=0.0)]
 Speed = Annotated[float, Quantity("m/s", above=0.0)]
 SpeedOrRest = Annotated[float, Quantity("m/s", at_least=0.0)]
 TurningRate = Annotated[float, Quantity("rad/s", above=0.0)]
 Acceleration = Annotated[float, Quantity("m/s^2", above=0.0)]
+AngularAcceleration = Annotated[float, Quantity("rad/s^2", above=0.0)]
 Duration = Annotated[float, Quantity("s", at_least=0.0)]
-Positive = Annotated[float, Quantity(above=0.0)]
-NotNegative = Annotated[float, Quantity(at_least=0.0)]
-
-_NONE: Final = type(None)
+Period = Annotated[float, Quantity("s", above=0.0)]
 
 
 def quantity_of(hint: Any) -> Quantity | None:
-    """The quantity that a type hint declares, of ``Annotated[float, Quantity(...)]`` or that ``| None``.
+    """The quantity that a type hint declares.
 
     Args:
-        hint: the type hint.
+        hint: the type hint: ``Annotated[float, Quantity(...)]``, that ``| None``, or a tuple of such numbers.
     """
-    for part in (hint, *get_args(hint)):
-        for note in getattr(part, "__metadata__", ()):
-            if isinstance(note, Quantity):
-                return note
+    for note in getattr(hint, "__metadata__", ()):
+        if isinstance(note, Quantity):
+            return note
+    if get_origin(hint) is Annotated:
+        return quantity_of(get_args(hint)[0])
+    if get_origin(hint) in (Union, UnionType, tuple):
+        return next((found for part in get_args(hint) if (found := quantity_of(part)) is not None), None)
     return None
 
 
@@ -100,7 +121,7 @@ def quantities(kind: type) -> dict[str, Quantity]:
 
 
 def check_quantities(value: Any) -> None:
-    """Refuse a value with a number outside its limits. A None is left to the type.
+    """Refuse a value with a number outside its limits. None is left to the type.
 
     Args:
         value: an instance of a class with quantities among its fields.
@@ -110,5 +131,5 @@ def check_quantities(value: Any) -> None:
     """
     for name, quantity in quantities(value.__class__).items():
         number = getattr(value, name)
-        if number is not None and not quantity.allows(number):
+        if number is not None and not quantity.allows_all(number):
             raise ParameterError(name, got=repr(number), expected=str(quantity))

@@ -1,16 +1,108 @@
-"""The base of one robot as a process of its own."""
+"""Bases on the bus: commands in, odometry and state out. One process may run any number of them in one loop.
+
+On a real robot the base is a process of its own, so that a killed, frozen or cut-off agent cannot keep the wheels
+turning.
+"""
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Mapping
+from contextlib import ExitStack
+
 import numpy as np
 
-from agents.base.base import run_base
+from agents.base.base import Base
 from agents.base.simulated import Floor, SimulatedWheels
+from agents.base.wheels import Wheels
+from muro_zenoh import channels
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.transport import open_bus
+from muro_zenoh.transport import Bus, open_bus
+
+_BEAT = 0.02
+"""The dead-man is checked this often [s]."""
+
+ODOMETRY_PERIOD = 0.04
+"""Odometry is sent this often [s]: a whole number of beats."""
+
+
+class _Bases:
+    """The bases of one process, on one timer and one mailbox: a timer and a task for each robot would cost a simulator
+    of thirty 1,500 wake-ups a second."""
+
+    def __init__(self, bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
+        self._clock = clock
+        self._bases = {name: Base(name, driven) for name, driven in wheels.items()}
+        only = next(iter(wheels)) if len(wheels) == 1 else "*"
+        self._commands = bus.latest(channels.CMD_VEL, only)
+        self._odometry = {name: bus.publisher(channels.ODOMETRY, name) for name in wheels}
+        self._states = {name: bus.publisher(channels.BASE, name) for name in wheels}
+
+    async def run(self) -> None:
+        """Obey each command as it comes, beat at 50 Hz; zero all wheels when leaving."""
+        loop = asyncio.get_running_loop()
+        beats_to_odometry = round(ODOMETRY_PERIOD / _BEAT)
+        due, beats = loop.time(), 0
+        with ExitStack() as leaving:
+            for base in self._bases.values():
+                leaving.callback(base.stop)  # all of them, even when the wheels of one fail
+            while True:
+                due = max(due + _BEAT, loop.time())
+                await self._obey_until(due)
+                self._beat(with_odometry=beats % beats_to_odometry == 0)
+                beats += 1
+
+    async def _obey_until(self, due: float) -> None:
+        """Obey commands as they come, until ``due`` of the loop's time, however many come."""
+        loop = asyncio.get_running_loop()
+        try:
+            async with asyncio.timeout_at(due):
+                while True:
+                    received = await self._commands.next()
+                    base = self._bases.get(received.name)
+                    if base is not None:
+                        base.obey(received, self._clock.now())
+                    if loop.time() >= due:
+                        await asyncio.sleep(0)  # a flood of commands leaves no other moment for the timeout
+        except TimeoutError:
+            return
+
+    def _beat(self, with_odometry: bool) -> None:
+        now = self._clock.now()
+        for name, base in self._bases.items():
+            base.beat(now)
+            if with_odometry:
+                self._odometry[name].put(base.odometry(now))
+            state = base.state(now)
+            if state is not None:
+                self._states[name].put(state)
+
+
+async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
+    """Run the bases of several robots until cancelled.
+
+    Args:
+        bus: the bus.
+        wheels: what turns, by the robot's name.
+        clock: for ages.
+    """
+    await _Bases(bus, wheels, clock).run()
+
+
+async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
+    """Run one robot's base until cancelled.
+
+    Args:
+        bus: the bus.
+        name: the robot's name.
+        wheels: what turns.
+        clock: for ages.
+    """
+    await run_bases(bus, {name: wheels}, clock)
 
 
 async def run_base_process(scenario: Scenario, name: str) -> None:

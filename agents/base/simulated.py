@@ -10,22 +10,22 @@ from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
 
 STEP = 0.01
-"""The plant moves in steps of this [s] ..."""
+"""The plant moves in steps of this [s]."""
 
 _MOST = 0.5
-"""... and what it lags behind the clock by more than this is lost [s]: after a freeze nobody drives on blindly."""
+"""What the plant lags behind the clock by more than this is lost [s]: after a freeze nobody drives on blindly."""
 
 
 class Floor:
-    """A plant that keeps up with a clock: whoever looks at it, sees it as it is now.
+    """A plant that keeps up with a clock: each look at it moves it on to now first.
 
     Args:
         plant: the robots.
         clock: what it keeps up with.
 
     Attributes:
-        commands: (N, 2), what the wheels are told: v [m/s], omega [rad/s].
-        lost: time that the plant never lived, because this process was frozen [s].
+        commands: (N, 2), what the wheels are commanded: v [m/s], omega [rad/s].
+        lost: time that was skipped, because this process was frozen [s].
     """
 
     def __init__(self, plant: Plant, clock: Clock) -> None:
@@ -34,15 +34,23 @@ class Floor:
         self._plant = plant
         self._clock = clock
         self._time = clock.now()
+        self._readings: list[WheelReading] = []  # of the plant as it is; empty when it has moved since
 
     @property
     def plant(self) -> Plant:
-        """The robots as they were when somebody last caught up."""
+        """The robots as they were at the last :meth:`catch_up`."""
         return self._plant
+
+    @property
+    def behind(self) -> float:
+        """How long ago the plant was as it is [s]; after :meth:`catch_up` less than one step, for it moves in steps."""
+        return self._clock.now() - self._time
 
     def catch_up(self) -> float:
         """Move the plant on to now; the time of its state [s since 1970], less than one step ago."""
         behind = self._clock.now() - self._time
+        if behind < STEP:
+            return self._time
         if behind > _MOST:
             self.lost += behind - _MOST
             self._time += behind - _MOST
@@ -50,7 +58,21 @@ class Floor:
         for _ in range(int(behind / STEP)):
             self._plant.step(self.commands, STEP)
             self._time += STEP
+        self._readings = []
         return self._time
+
+    def reading(self, row: int) -> WheelReading:
+        """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edge.
+
+        Args:
+            row: of the robot.
+        """
+        self.catch_up()
+        if not self._readings:
+            # Of all robots at once: who reads one, mostly reads the others next.
+            rows = np.concatenate((self._plant.odometry_pose, self._plant.odometry_twist), axis=1)
+            self._readings = [WheelReading(*numbers) for numbers in rows.tolist()]
+        return self._readings[row]
 
 
 class SimulatedWheels:
@@ -71,9 +93,5 @@ class SimulatedWheels:
         self._floor.commands[self._row] = v, omega
 
     def read(self) -> WheelReading:
-        """What the encoders of nominal wheels report. The simulated floor has no walls and no edge."""
-        self._floor.catch_up()
-        plant = self._floor.plant
-        x, y, theta = plant.odometry_pose[self._row].tolist()
-        v, omega = plant.odometry_twist[self._row].tolist()
-        return WheelReading(x, y, theta, v, omega)
+        """What the encoders of nominal wheels report."""
+        return self._floor.reading(self._row)

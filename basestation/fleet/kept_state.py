@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta, Struct
 
-from muro_zenoh.config import Scenario
-from muro_zenoh.errors import OrderRefused
+from muro_zenoh.behaviours.circle import require_room
+from muro_zenoh.behaviours.interface import Vehicle
+from muro_zenoh.config import Scenario, check_settings
+from muro_zenoh.errors import ConfigError, OrderRefused, ParameterError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Name, Resume, SetBehaviour, SetCircle, Value
 from muro_zenoh.safety.stop import MOST_REVISION
@@ -58,7 +61,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             scenario: the settings.
         """
         behaviours = {name: _initial_behaviour(scenario, name) for name in scenario.robot}
-        return cls(circle=scenario.circle.circle, behaviour=behaviours)
+        return cls(circle=scenario.circle, behaviour=behaviours)
 
     def fitted_to(self, scenario: Scenario) -> KeptState:
         """This state for another scenario than it was kept for: with its robots, and a circle that fits its arena.
@@ -69,10 +72,9 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Returns:
             This very state when it fits.
         """
-        fresh = scenario.circle.circle
         new = self
-        if self.circle.radius > largest_radius(self.circle, scenario) and self.circle != fresh:
-            new = new._changed(circle=fresh)
+        if self.circle != scenario.circle and not _has_room(self.circle, scenario):
+            new = new._changed(circle=scenario.circle)
         missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
         return new._changed(behaviour={**self.behaviour, **missing}) if missing else new
 
@@ -86,17 +88,21 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             scenario: the settings.
 
         Raises:
-            OrderRefused: robots on the circle would leave the arena.
+            OrderRefused: robots on the circle would leave the arena, or their behaviours do not fit on it.
         """
-        asked = {name: value for name in Circle._fields if (value := getattr(order, name)) is not None}
-        new = self.circle._replace(**asked)
-        largest = largest_radius(new, scenario)
-        if new.radius > largest:
-            raise OrderRefused(
-                f"circle: got {new.radius:g} m round ({new.x:g}, {new.y:g}), expected at most {max(largest, 0.0):g} m "
-                "there, so that the robots stay inside the arena"
-            )
-        return self._changed(circle=new)
+        asked = {
+            field.name: value
+            for field in dataclasses.fields(Circle)
+            if (value := getattr(order, field.name)) is not None
+        }
+        try:
+            circle = dataclasses.replace(self.circle, **asked)
+            require_room(circle, _fleet(scenario, scenario.robots))
+        except ParameterError as error:
+            raise OrderRefused(str(error)) from None
+        new = self._changed(circle=circle)
+        new._require_feasible(scenario)
+        return new
 
     def with_behaviour(self, order: SetBehaviour, scenario: Scenario) -> KeptState:
         """The state with another behaviour of the robots that the order names, or of all.
@@ -106,11 +112,13 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             scenario: the settings.
 
         Raises:
-            OrderRefused: a robot that the settings do not have.
+            OrderRefused: a robot that the settings do not have, no such behaviour, or one that they cannot do.
         """
         check_names(order.names, scenario)
-        new = KeptBehaviour(order.behaviour, order.parameters)
-        return self._changed(behaviour={**self.behaviour, **dict.fromkeys(order.names or scenario.robots, new)})
+        kept = KeptBehaviour(order.behaviour, order.parameters)
+        new = self._changed(behaviour={**self.behaviour, **dict.fromkeys(order.names or scenario.robots, kept)})
+        new._require_feasible(scenario)
+        return new
 
     def with_stop(self, names: Iterable[str], *, everybody: bool, above: int = 0) -> KeptState:
         """The state with a stop added to those that hold.
@@ -164,6 +172,22 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     # ---- inside
 
+    def _require_feasible(self, scenario: Scenario) -> None:
+        """Refuse behaviours that their robots cannot do together on this circle; a user's own are their own affair."""
+        groups: list[tuple[KeptBehaviour, list[str]]] = []
+        for name in scenario.robots:
+            kept = self.behaviour[name]
+            names = next((names for other, names in groups if other == kept), None)
+            if names is None:
+                groups.append((kept, [name]))
+            else:
+                names.append(name)
+        for kept, names in groups:
+            try:
+                check_settings(kept.behaviour, kept.parameters, "order", _fleet(scenario, names), self.circle)
+            except ConfigError as error:
+                raise OrderRefused(str(error)) from None
+
     def _stopping(self, everybody: bool, names: Iterable[str], above: int) -> KeptState:
         revision = self._next_revision(above)
         return msgspec.structs.replace(
@@ -177,16 +201,16 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return max(self.revision, self.stop_revision, above if above <= MOST_REVISION else 0) + 1
 
 
-def largest_radius(circle: Circle, scenario: Scenario) -> float:
-    """The largest radius [m] round a circle's centre on which every robot stays inside the arena.
+def _fleet(scenario: Scenario, names: Iterable[str]) -> list[Vehicle]:
+    return [scenario.vehicle(name) for name in names]
 
-    Args:
-        circle: only its centre counts.
-        scenario: the settings.
-    """
-    a = scenario.arena
-    edge = min(circle.x - a.x_min, a.x_max - circle.x, circle.y - a.y_min, a.y_max - circle.y)
-    return edge - max(robot.radius for robot in scenario.robot.values())
+
+def _has_room(circle: Circle, scenario: Scenario) -> bool:
+    try:
+        require_room(circle, _fleet(scenario, scenario.robots))
+    except ParameterError:
+        return False
+    return True
 
 
 def check_names(names: Sequence[str], scenario: Scenario) -> None:

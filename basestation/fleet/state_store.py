@@ -65,7 +65,7 @@ class StateStore:
     @property
     def circle(self) -> Circle:
         """The circle, to be published."""
-        return Circle(**self.state.circle._asdict(), revision=self.state.revision)
+        return Circle.of(self.state.circle, revision=self.state.revision)
 
     @property
     def stop(self) -> StopOrder:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.geometry import View, straight_down_view
+from muro_zenoh.geometry import View
 
 Array = NDArray[np.float64]
 
@@ -83,24 +83,6 @@ class Homography:
             )
         error = _project(_inverse(matrix), metres) - pixels
         return cls(matrix, float(np.sqrt((error**2).sum(axis=1).mean())))
-
-    @classmethod
-    def straight_down(
-        cls, x_min: float, y_min: float, x_max: float, y_max: float, width: int, height: int, margin: float = 0.0
-    ) -> Homography:
-        """Of a camera that looks straight down at a rectangle; world y is up, the picture's v down.
-
-        Args:
-            x_min: left edge of the rectangle [m].
-            y_min: lower edge [m].
-            x_max: right edge [m].
-            y_max: upper edge [m].
-            width: of the picture [px].
-            height: of the picture [px].
-            margin: seen beyond each edge, at least [m].
-        """
-        views = straight_down_view(x_min, y_min, x_max, y_max, width, height, margin)
-        return cls.fit(views, camera="(straight down)")
 
     def to_metres(self, points: Array) -> Array:
         """Places of pixels.

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from muro_zenoh.geometry import Circle, State, Twist2
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.path import Path
 

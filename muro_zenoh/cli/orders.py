@@ -144,11 +144,6 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
             "parameter", got=str(error), expected="numbers, text, true or false, or an array of them"
         ) from None
 
-    if ":" not in name:  # one's own behaviour may be on the robots only
-        from agents.behaviours import check_behaviour
-
-        check_behaviour(name, values, "muro set behaviour")
-
     async def order(b: Bus) -> int:
         healths = b.every(channels.HEALTH, "*", depth=256)
         said = _said(await b.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=name, parameters=values, names=robots)))

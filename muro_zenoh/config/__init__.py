@@ -6,14 +6,13 @@ says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulatio
 the default.
 """
 
+from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
-    Arena,
     BehaviourSettings,
     BusSettings,
     CameraSettings,
     Checks,
-    CircleSettings,
     RobotSettings,
     Scenario,
     Section,
@@ -21,18 +20,20 @@ from muro_zenoh.config.sections import (
 )
 
 __all__ = [
-    "Arena",
     "BehaviourSettings",
     "BusSettings",
     "CameraSettings",
     "Checks",
-    "CircleSettings",
     "RobotSettings",
     "Scenario",
     "Section",
     "Simulation",
     "as_table",
+    "check_behaviour",
+    "check_settings",
     "load_scenario",
+    "make_behaviour",
     "parameters_as",
     "parse_scenario",
+    "read_parameters",
 ]

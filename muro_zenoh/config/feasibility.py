@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
+from muro_zenoh.config.behaviour import check_settings
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
@@ -21,7 +20,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     """
     a = s.arena
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
-        raise ConfigError(origin.at("arena"), got=str(a.bounds), expected="x_min < x_max and y_min < y_max")
+        raise ConfigError(origin.at("arena"), got=str(a), expected="x_min < x_max and y_min < y_max")
     _check_tags(s, origin)
     for name, camera in s.camera.items():
         if (camera.pixels is None) != (camera.metres is None):
@@ -32,7 +31,8 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
                 got=f"{len(camera.metres)} points",
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
-    _check_circle(s, origin)
+    fleet = [s.vehicle(name) for name in s.robot]
+    check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle)
     _check_goals(s, origin)
 
 
@@ -52,30 +52,6 @@ def _check_tags(s: Scenario, origin: Origin) -> None:
         owner[robot.tag] = name
 
 
-def _check_circle(s: Scenario, origin: Origin) -> None:
-    if s.behaviour.name not in ("circle", "pursuit"):
-        return
-    c, a = s.circle, s.arena
-    body = max(robot.radius for robot in s.robot.values())
-    room = min(c.x - a.x_min, a.x_max - c.x, c.y - a.y_min, a.y_max - c.y) - body
-    if c.radius > room:
-        raise ConfigError(
-            origin.at("circle.radius"),
-            got=f"{c.radius:g} m round ({c.x:g}, {c.y:g})",
-            expected=f"at most {max(room, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
-        )
-    count = len(s.robot)
-    chord = 2.0 * c.radius * math.sin(math.pi / count) if count > 1 else math.inf
-    if s.behaviour.name == "pursuit" and chord < 2.0 * body:
-        most = int(math.pi / math.asin(min(1.0, body / c.radius)))
-        raise ConfigError(
-            origin.at("circle.radius"),
-            got=f"{count} robots on a circle of {c.radius:g} m, {chord:.3f} m apart",
-            expected=f"at least {2 * body:g} m between their centres",
-            hint=f"At most {most} robots fit, or a circle of {body / math.sin(math.pi / count):.2f} m.",
-        )
-
-
 def _check_goals(s: Scenario, origin: Origin) -> None:
     a = s.arena
     for name, goals in s.goals.items():
@@ -83,7 +59,7 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
             continue  # a run with fewer robots than the file has goals for
         body = s.robot[name].radius
         for index, (x, y, *_) in enumerate(goals):
-            if not (a.x_min + body <= x <= a.x_max - body and a.y_min + body <= y <= a.y_max - body):
+            if not a.shrunk(body).holds(x, y):
                 raise ConfigError(
                     origin.at(f"goals.{name}[{index}]"),
                     got=f"({x:g}, {y:g})",

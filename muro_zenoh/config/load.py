@@ -2,50 +2,50 @@
 
 from __future__ import annotations
 
-import difflib
 import json
-import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar, get_type_hints
+from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
-from msgspec import Meta
 
-from muro_zenoh.config.descriptions import expected, show, unit_of
+from muro_zenoh.behaviours.table import DEFAULT
+from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.reading import check_keys, read_section, read_value
 from muro_zenoh.config.sections import (
-    Arena,
+    ARENA,
+    CIRCLE,
     BehaviourSettings,
     BusSettings,
     CameraSettings,
     Checks,
-    CircleSettings,
     GoalRow,
-    Positive,
     RobotSettings,
     Scenario,
-    Section,
     Simulation,
 )
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
+from muro_zenoh.quantities import Period, Quantity
 
-_SECTIONS: Final[dict[str, type[Section]]] = {
-    "arena": Arena,
-    "circle": CircleSettings,
-    "bus": BusSettings,
-    "checks": Checks,
-    "simulation": Simulation,
+_SECTIONS: Final[dict[str, Any]] = {
+    "arena": ARENA,
+    "circle": CIRCLE,
+    "bus": BusSettings(),
+    "checks": Checks(),
+    "simulation": Simulation(),
 }
+"""The sections that are one value each, as they are when nothing is given."""
+
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
 _MERGED = ("all", "arena", "bus", "simulation")
 """Sections in which a scenario changes single keys of its fleet file."""
 
-S = TypeVar("S", bound=Section)
+T = TypeVar("T")
 
 
 def load_scenario(
@@ -83,25 +83,26 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         ConfigError: as for :func:`load_scenario`.
     """
     origin = file if isinstance(file, Origin) else Origin(file)
-    _check_keys(table, _TOP, origin, "")
+    check_keys(table, _TOP, origin, "")
     sections: dict[str, Any] = {
-        key: _section(kind, _table(table, key, origin), origin, key) for key, kind in _SECTIONS.items()
+        key: read_section(type(default), _table(table, key, origin), origin, key, default)
+        for key, default in _SECTIONS.items()
     }
     cameras = {
-        _name(key, origin, f"camera.{key}"): _section(
+        _name(key, origin, f"camera.{key}"): read_section(
             CameraSettings, _as_table(value, origin, f"camera.{key}"), origin, f"camera.{key}"
         )
         for key, value in _table(table, "camera", origin).items()
     }
     scenario = Scenario(
         name=name,
-        description=_value(str, table.get("description", ""), origin, "description"),
-        duration=_value(Positive, table.get("duration", 60.0), origin, "duration"),
+        description=read_value(str, table.get("description", ""), origin, "description"),
+        duration=read_value(Period, table.get("duration", 60.0), origin, "duration"),
         robot=_robots(table, origin, robots),
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", origin), origin),
         goals={
-            _name(key, origin, f"goals.{key}"): _value(tuple[GoalRow, ...], rows, origin, f"goals.{key}")
+            _name(key, origin, f"goals.{key}"): read_value(tuple[GoalRow, ...], rows, origin, f"goals.{key}")
             for key, rows in _table(table, "goals", origin).items()
         },
         **sections,
@@ -119,18 +120,18 @@ def as_table(scenario: Scenario) -> dict[str, Any]:
     return _without_none(table)  # type: ignore[no-any-return]  # a dict in, a dict out
 
 
-def parameters_as(kind: type[S], parameters: Mapping[str, object], where: str) -> S:
+def parameters_as(kind: type[T], parameters: Mapping[str, object], where: str) -> T:
     """A behaviour's parameters as a checked value.
 
     Args:
-        kind: the behaviour's own section type.
+        kind: their type, a frozen dataclass.
         parameters: what the scenario or the operator gave.
         where: the file or order they came from, for errors.
 
     Raises:
         ConfigError: a wrong key, type or range.
     """
-    return _section(kind, parameters, Origin(where), "behaviour")
+    return read_section(kind, parameters, Origin(where), "behaviour")
 
 
 # ---- reading
@@ -165,7 +166,7 @@ def _read_with_fleet(path: Path) -> tuple[dict[str, Any], Origin]:
     origin = Origin(path.name)
     if "fleet" not in table:
         return table, origin
-    fleet_path = path.parent / _value(str, table.pop("fleet"), origin, "fleet")
+    fleet_path = path.parent / read_value(str, table.pop("fleet"), origin, "fleet")
     fleet = read_table(fleet_path)
     fleet_origin = Origin(fleet_path.name)
     if "fleet" in fleet:
@@ -202,39 +203,8 @@ def _as_table(value: object, origin: Origin, key: str) -> Mapping[str, Any]:
     return value
 
 
-def _section(kind: type[S], table: Mapping[str, Any], origin: Origin, path: str) -> S:
-    hints = get_type_hints(kind, include_extras=True)
-    _check_keys(table, tuple(hints), origin, path)
-    values = {
-        key: _value(hints[key], value, origin, f"{path}.{key}", unit_of(kind, key)) for key, value in table.items()
-    }
-    return kind(**values)
-
-
-def _check_keys(table: Mapping[str, Any], known: tuple[str, ...], origin: Origin, path: str) -> None:
-    for key in table:
-        if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            raise ConfigError(
-                origin.at(f"{path}.{key}" if path else key),
-                got="a key that nothing reads",
-                expected=f"one of {', '.join(known)}",
-                hint=f"Did you mean {close[0]}?" if close else "",
-            )
-
-
-def _value(kind: Any, value: object, origin: Origin, path: str, unit: str = "") -> Any:
-    try:
-        converted = msgspec.convert(value, kind)
-    except msgspec.ValidationError:
-        raise ConfigError(origin.at(path), got=show(value), expected=expected(kind, unit)) from None
-    if isinstance(converted, float) and not math.isfinite(converted):
-        raise ConfigError(origin.at(path), got=str(converted), expected="a finite number")
-    return converted
-
-
 def _name(name: str, origin: Origin, path: str) -> str:
-    _value(Name, name, origin, path)
+    read_value(Name, name, origin, path)
     return name
 
 
@@ -242,15 +212,15 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
     common = dict(_table(table, "all", origin))
     if "tag" in common:
         raise ConfigError(origin.at("all.tag"), got=show(common["tag"]), expected="no tag here: each robot has its own")
-    _section(RobotSettings, common, origin, "all")  # so that an error there is named there
+    read_section(RobotSettings, common, origin, "all")  # so that an error there is named there
     given = _table(table, "robot", origin)
     if given and "robots" in table:
         raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="either the one or the other")
     if wanted is None and "robots" in table:
-        wanted = _value(Annotated[int, Meta(ge=1)], table["robots"], origin, "robots")
+        wanted = read_value(Annotated[int, Quantity(at_least=1, whole=True)], table["robots"], origin, "robots")
     if given:
         robots = {
-            _name(key, origin, f"robot.{key}"): _section(
+            _name(key, origin, f"robot.{key}"): read_section(
                 RobotSettings, {**common, **_as_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
             )
             for key, value in given.items()
@@ -262,12 +232,12 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
         return dict(list(robots.items())[:wanted])
     if wanted is not None and wanted < 1:
         raise ConfigError("--robots", got=str(wanted), expected="1 or more")
-    return {f"r{i + 1}": _section(RobotSettings, {**common, "tag": i}, origin, "all") for i in range(wanted or 1)}
+    return {f"r{i + 1}": read_section(RobotSettings, {**common, "tag": i}, origin, "all") for i in range(wanted or 1)}
 
 
 def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
-    name = _value(str, table.get("name", "hold"), origin, "behaviour.name")
-    rest = {k: _value(Value, v, origin, f"behaviour.{k}") for k, v in table.items() if k != "name"}
+    name = read_value(str, table.get("name", DEFAULT), origin, "behaviour.name")
+    rest = {k: read_value(Value, v, origin, f"behaviour.{k}") for k, v in table.items() if k != "name"}
     return BehaviourSettings(name=name, parameters=rest)
 
 

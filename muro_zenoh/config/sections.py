@@ -1,29 +1,53 @@
-"""The sections of a settings file, as frozen values. The unit behind an attribute is shown in errors, too."""
+"""The sections of a settings file, as frozen values. Units and limits are declared on the fields."""
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from muro_zenoh.behaviours import table
+from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.estimation.wheel_model import WheelLimits
-from muro_zenoh.geometry import Circle, TagMount, View, straight_down_view
+from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
+from muro_zenoh.quantities import (
+    Acceleration,
+    Angle,
+    AngleSize,
+    AngularAcceleration,
+    Coordinate,
+    Count,
+    Duration,
+    Length,
+    Number,
+    Period,
+    Positive,
+    Quantity,
+    Speed,
+    TurningRate,
+    check_quantities,
+)
 
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
-Fraction = Annotated[float, Meta(ge=0, lt=1)]
-Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
-Angle = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
-Point = Annotated[tuple[float, ...], Meta(min_length=2, max_length=2)]
-GoalRow = Annotated[tuple[float, ...], Meta(min_length=2, max_length=3)]
+Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
+Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
+GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
+_PIXELS = Quantity("px", above=0, at_most=8192, whole=True)
+
+
 class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of a settings file."""
+    """A table of a settings file.
+
+    Raises:
+        ParameterError: a number outside its limits.
+    """
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
 
 
 class RobotSettings(Section, frozen=True, kw_only=True):
@@ -46,19 +70,19 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         base: what turns its wheels.
     """
 
-    tag: Annotated[int, Meta(ge=0)] | None = None
-    tag_size: Positive = 0.16
-    tag_x: Finite = 0.0
-    tag_y: Finite = 0.0
+    tag: Count | None = None
+    tag_size: Length = 0.16
+    tag_x: Coordinate = 0.0
+    tag_y: Coordinate = 0.0
     tag_yaw: Angle = 0.0
-    radius: Positive = 0.177
-    wheel_base: Positive = 0.23
-    v_max: Positive = 0.5
-    omega_max: Positive = 1.5
-    a_max: Positive = 0.5
-    alpha_max: Positive = 3.0
-    brake: Positive = 1.0
-    lag: Positive = 0.1
+    radius: Length = 0.177
+    wheel_base: Length = 0.23
+    v_max: Speed = 0.5
+    omega_max: TurningRate = 1.5
+    a_max: Acceleration = 0.5
+    alpha_max: AngularAcceleration = 3.0
+    brake: Acceleration = 1.0
+    lag: Period = 0.1
     base: Literal["simulated"] = "simulated"
 
     @property
@@ -78,26 +102,11 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         return TagMount(self.tag, self.tag_size, self.tag_x, self.tag_y, self.tag_yaw)
 
 
-class Arena(Section, frozen=True, kw_only=True):
-    """The floor that robots may use, a rectangle.
+ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
+"""The arena of a file that has none."""
 
-    Attributes:
-        x_min: left border [m, world].
-        x_max: right border [m, world].
-        y_min: lower border [m, world].
-        y_max: upper border [m, world].
-    """
-
-    x_min: Finite = -2.1
-    x_max: Finite = 2.1
-    y_min: Finite = -1.5
-    y_max: Finite = 1.5
-
-    @property
-    def bounds(self) -> tuple[float, float, float, float]:
-        """``x_min, y_min, x_max, y_max`` [m]."""
-        return self.x_min, self.y_min, self.x_max, self.y_max
-
+CIRCLE = Circle(0.0, 0.0, 0.8)
+"""The circle at the start of a scenario that has none."""
 
 _VIEW_MARGIN = 0.25
 """What a camera without points of its own sees beyond the arena [m]."""
@@ -119,17 +128,17 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         jpeg_quality: of the simulated camera's frames; 0 sends them raw and grey.
     """
 
-    width: Annotated[int, Meta(gt=0, le=8192)] = 1280
-    height: Annotated[int, Meta(gt=0, le=8192)] = 720
-    rate: Annotated[float, Meta(gt=0, le=240)] = 20.0
-    latency: NotNegative = 0.05
+    width: Annotated[int, _PIXELS] = 1280
+    height: Annotated[int, _PIXELS] = 720
+    rate: Annotated[float, Quantity("Hz", above=0.0, at_most=240.0)] = 20.0
+    latency: Duration = 0.05
     family: str = "DICT_4X4_50"
-    pixels: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
+    pixels: Annotated[tuple[Pixel, ...], Meta(min_length=4)] | None = None
     metres: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
-    sigma_pixels: Positive = 0.15
-    jpeg_quality: Annotated[int, Meta(ge=0, le=100)] = 85
+    sigma_pixels: Annotated[float, Quantity("px", above=0.0)] = 0.15
+    jpeg_quality: Annotated[int, Quantity(at_least=0, at_most=100, whole=True)] = 85
 
-    def views(self, arena: Arena) -> tuple[View, ...]:
+    def views(self, arena: Bounds) -> tuple[View, ...]:
         """Which pixels show which places; without ``pixels`` a camera that looks straight down at the whole arena.
 
         Args:
@@ -138,28 +147,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         if self.pixels is not None and self.metres is not None:
             pairs = zip(self.pixels, self.metres, strict=True)
             return tuple(View(u, v, x, y) for (u, v), (x, y) in pairs)
-        return straight_down_view(*arena.bounds, self.width, self.height, margin=_VIEW_MARGIN)
-
-
-class CircleSettings(Section, frozen=True, kw_only=True):
-    """The circle to follow.
-
-    Attributes:
-        x: of its centre [m, world].
-        y: of its centre [m, world].
-        radius: of it [m].
-        clockwise: the direction of travel.
-    """
-
-    x: Finite = 0.0
-    y: Finite = 0.0
-    radius: Positive = 0.8
-    clockwise: bool = False
-
-    @property
-    def circle(self) -> Circle:
-        """As the laws take it."""
-        return Circle(self.x, self.y, self.radius, self.clockwise)
+        return straight_down_view(arena, self.width, self.height, margin=_VIEW_MARGIN)
 
 
 class BusSettings(Section, frozen=True, kw_only=True):
@@ -179,7 +167,7 @@ class BusSettings(Section, frozen=True, kw_only=True):
     connect: tuple[NetworkPoint, ...] = ("tcp/127.0.0.1:7447",)
     listen: tuple[NetworkPoint, ...] = ()
     config: str = ""
-    lease: Annotated[float, Meta(ge=0.2, le=60)] = 2.0
+    lease: Annotated[float, Quantity("s", at_least=0.2, at_most=60.0)] = 2.0
 
 
 class BehaviourSettings(Section, frozen=True, kw_only=True):
@@ -190,7 +178,7 @@ class BehaviourSettings(Section, frozen=True, kw_only=True):
         parameters: the other keys of the section.
     """
 
-    name: str = "hold"
+    name: str = table.DEFAULT
     parameters: dict[str, Value] = {}
 
 
@@ -217,20 +205,20 @@ class Checks(Section, frozen=True, kw_only=True):
         density_error: total variation distance of the time spent round the circle from the importance, at most.
     """
 
-    window: Positive = 15.0
-    settle_time: Positive | None = None
-    radius_error_p95: Positive | None = None
-    spacing_error_p95: Positive | None = None
-    fix_rate: Positive | None = None
-    pose_age_p99: Positive | None = None
-    collisions: Annotated[int, Meta(ge=0)] | None = None
-    goals_missed: Annotated[int, Meta(ge=0)] | None = None
-    goal_distance: Positive | None = None
-    goal_heading: Positive | None = None
-    tracking_error_p95: Positive | None = None
+    window: Period = 15.0
+    settle_time: Period | None = None
+    radius_error_p95: Length | None = None
+    spacing_error_p95: AngleSize | None = None
+    fix_rate: Annotated[float, Quantity("Hz", above=0.0)] | None = None
+    pose_age_p99: Period | None = None
+    collisions: Count | None = None
+    goals_missed: Count | None = None
+    goal_distance: Length | None = None
+    goal_heading: AngleSize | None = None
+    tracking_error_p95: Length | None = None
     peak_speed_ratio: Positive | None = None
     command_ratio: Positive | None = None
-    coverage_distance: Positive | None = None
+    coverage_distance: Length | None = None
     coverage_gain: Positive | None = None
     coverage_rise: Positive | None = None
     density_error: Positive | None = None
@@ -248,11 +236,11 @@ class Simulation(Section, frozen=True, kw_only=True):
         camera_latency: from capture to sending [s].
     """
 
-    drive_error: Annotated[float, Meta(ge=0, le=0.3)] = 0.2
-    slip: Annotated[float, Meta(ge=0, le=0.5)] = 0.005
-    image_noise: Annotated[float, Meta(ge=0.5, le=64)] = 3.0
-    image_blur: Annotated[float, Meta(ge=0, le=5)] = 0.6
-    camera_latency: NotNegative = 0.05
+    drive_error: Annotated[float, Quantity(at_least=0.0, at_most=0.3)] = 0.2
+    slip: Annotated[float, Quantity("m/sqrt(m)", at_least=0.0, at_most=0.5)] = 0.005
+    image_noise: Annotated[float, Quantity("grey levels", at_least=0.5, at_most=64.0)] = 3.0
+    image_blur: Annotated[float, Quantity("px", at_least=0.0, at_most=5.0)] = 0.6
+    camera_latency: Duration = 0.05
 
 
 class Scenario(Section, frozen=True, kw_only=True):
@@ -275,11 +263,11 @@ class Scenario(Section, frozen=True, kw_only=True):
 
     name: str
     description: str = ""
-    duration: Positive = 60.0
+    duration: Period = 60.0
     robot: dict[Name, RobotSettings]
-    arena: Arena = Arena()
+    arena: Bounds = ARENA
     camera: dict[Name, CameraSettings] = {}
-    circle: CircleSettings = CircleSettings()
+    circle: Circle = CIRCLE
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
     goals: dict[Name, tuple[GoalRow, ...]] = {}
@@ -293,9 +281,19 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         goals = self.goals.get(name)
-        if not goals:
+        kind = table.find(self.behaviour.name)
+        if not goals or not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
             return self.behaviour
         return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
+
+    def vehicle(self, name: str) -> Vehicle:
+        """A robot as behaviours take it.
+
+        Args:
+            name: of the robot.
+        """
+        robot = self.robot[name]
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena)
 
     @property
     def robots(self) -> tuple[str, ...]:

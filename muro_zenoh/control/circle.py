@@ -17,20 +17,15 @@ Every law keeps its meaning
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Annotated, Any, ClassVar, Final
 
 from muro_zenoh.elementwise import Scalar, of
-from muro_zenoh.geometry import Circle
-
-
-def _require_positive(gains: Any) -> None:
-    for field in fields(gains):
-        value = getattr(gains, field.name)
-        if not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{type(gains).__name__}.{field.name}: got {value!r}, expected a finite number above 0")
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.geometry import Circle, State, Twist2
+from muro_zenoh.quantities import Length, Quantity, TurningRate, check_quantities
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +40,15 @@ class VectorFieldGains:
         rho_0: the least distance to divide by [m].
     """
 
-    k_o: float = 15.0
-    k_h: float = 3.0
-    feedforward_max: float = 3.0
-    rho_0: float = 0.05
+    NAME: ClassVar[str] = "vector_field"
+
+    k_o: Annotated[float, Quantity("1/m", above=0.0)] = 15.0
+    k_h: Annotated[float, Quantity("1/s", above=0.0)] = 3.0
+    feedforward_max: TurningRate = 3.0
+    rho_0: Length = 0.05
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_quantities(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +61,12 @@ class PassivityGains:
             0.6 of that is best, which is the default for 0.15 m/s on 0.6 m.
     """
 
-    psi: float = 0.8
+    NAME: ClassVar[str] = "passivity"
+
+    psi: Annotated[float, Quantity("1/(m^2 s)", above=0.0)] = 0.8
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_quantities(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +79,14 @@ class LqrGains:
         turn_size: turning rate beyond the circle's own that costs one [rad/s].
     """
 
-    radial_size: float = 0.03
-    heading_size: float = 1.0
-    turn_size: float = 1.0
+    NAME: ClassVar[str] = "lqr"
+
+    radial_size: Length = 0.03
+    heading_size: Annotated[float, Quantity("rad", above=0.0)] = 1.0
+    turn_size: TurningRate = 1.0
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        check_quantities(self)
 
 
 def radius_error(x: Scalar, y: Scalar, circle: Circle) -> Scalar:
@@ -233,34 +234,20 @@ def lqr(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, gains: L
     return omega
 
 
-class CircleFunction(Protocol):
-    """What every circle law is: ``law(x, y, theta, v, circle, gains) -> omega``."""
+CircleGains = VectorFieldGains | PassivityGains | LqrGains
+"""The gains of one of the laws; their type says which."""
 
-    def __call__(self, x: Any, y: Any, theta: Any, v: Any, circle: Circle, gains: Any, /) -> Any: ...
+CircleFunction = Callable[[Any, Any, Any, Any, Circle, Any], Any]
+"""What every circle law is: ``law(x, y, theta, v, circle, gains) -> omega``."""
 
+_FUNCTIONS: Final[Mapping[type[Any], CircleFunction]] = {
+    VectorFieldGains: vector_field,
+    PassivityGains: passivity,
+    LqrGains: lqr,
+}
 
-class CircleLawKind(NamedTuple):
-    """A row of :data:`CIRCLE_LAWS`.
-
-    Args:
-        function: the law.
-        gains: the type of its gains.
-    """
-
-    function: CircleFunction
-    gains: type[Any]
-
-
-CIRCLE_LAWS: Final[Mapping[str, CircleLawKind]] = MappingProxyType(
-    {
-        "vector_field": CircleLawKind(vector_field, VectorFieldGains),
-        "passivity": CircleLawKind(passivity, PassivityGains),
-        "lqr": CircleLawKind(lqr, LqrGains),
-    }
-)
-"""Circle laws by the name that a fleet file uses."""
-
-DEFAULT_CIRCLE_LAW: Final = "vector_field"
+CIRCLE_LAWS: Final[Mapping[str, type[Any]]] = MappingProxyType({gains.NAME: gains for gains in _FUNCTIONS})
+"""The gains of each circle law by the name that settings use; the first is the default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,12 +255,10 @@ class CircleLaw:
     """A circle law with its gains: ``law(x, y, theta, v, circle) -> omega``.
 
     Args:
-        name: the law's name in :data:`CIRCLE_LAWS`.
-        gains: its gains, of that law's type.
+        gains: their type says which law it is.
     """
 
-    name: str
-    gains: Any
+    gains: CircleGains = VectorFieldGains()
 
     def __call__(self, x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle) -> Scalar:
         """Turning rate [rad/s].
@@ -285,11 +270,11 @@ class CircleLaw:
             v: speed really driven [m/s], not below 0.
             circle: the circle and the direction of travel.
         """
-        omega: Scalar = CIRCLE_LAWS[self.name].function(x, y, theta, v, circle, self.gains)
+        omega: Scalar = _FUNCTIONS[type(self.gains)](x, y, theta, v, circle, self.gains)
         return omega
 
 
-def circle_law(name: str = DEFAULT_CIRCLE_LAW, **gains: float) -> CircleLaw:
+def circle_law(name: str = VectorFieldGains.NAME, **gains: float) -> CircleLaw:
     """A circle law by name, with some of its gains changed.
 
     Args:
@@ -297,13 +282,30 @@ def circle_law(name: str = DEFAULT_CIRCLE_LAW, **gains: float) -> CircleLaw:
         gains: gains that differ from the default, by name.
 
     Raises:
-        ValueError: no such law, no such gain (the message lists those there are), or a gain that is not above 0.
+        ParameterError: no such law, no such gain (the message lists those there are), or a gain that is not above 0.
     """
     kind = CIRCLE_LAWS.get(name)
     if kind is None:
-        raise ValueError(f"circle law: got {name!r}, expected one of {', '.join(CIRCLE_LAWS)}")
-    known = [field.name for field in fields(kind.gains)]
+        raise ParameterError("circle law", got=repr(name), expected=f"one of {', '.join(CIRCLE_LAWS)}")
+    known = [field.name for field in fields(kind)]
     for gain in gains:
         if gain not in known:
-            raise ValueError(f"gain of the circle law {name}: got {gain!r}, expected one of {', '.join(known)}")
-    return CircleLaw(name, kind.gains(**gains))
+            raise ParameterError(
+                f"gain of the circle law {name}", got=repr(gain), expected=f"one of {', '.join(known)}"
+            )
+    return CircleLaw(kind(**gains))
+
+
+def circle_twist(ahead: State, speed: Any, circle: Circle, law: CircleLaw) -> Twist2:
+    """The twist that follows a circle at a speed; floats or arrays.
+
+    Backwards the laws lead away from the circle and out of the arena, so a speed below 0 is taken as 0.
+
+    Args:
+        ahead: where the robot is when the twist takes effect, and the speed that it then really drives at.
+        speed: speed wanted [m/s].
+        circle: the circle and the direction of travel.
+        law: the law.
+    """
+    maximum = of(ahead.x).maximum
+    return Twist2(maximum(speed, 0.0), law(ahead.x, ahead.y, ahead.theta, maximum(ahead.v, 0.0), circle))

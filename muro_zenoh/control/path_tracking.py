@@ -73,11 +73,9 @@ def frenet_law(lateral: Scalar, dtheta: Scalar, curvature: Scalar, v: Scalar, ga
     Source: seed 004, section 4.4 (de Luca, Oriolo, Samson: Feedback control of a nonholonomic car-like robot, 1998).
     """
     xp = of(dtheta)
-    safe = xp.where(abs(dtheta) > 1e-6, dtheta, 1.0)
-    sinc = xp.where(abs(dtheta) > 1e-6, xp.sin(safe) / safe, 1.0)
     kb = 2.0 * gains.zeta * abs(v) * math.sqrt(gains.ka)
     room = xp.maximum(1.0 - curvature * lateral, GUARD)
-    omega: Scalar = -gains.ka * v * lateral * sinc - kb * dtheta + v * xp.cos(dtheta) * curvature / room
+    omega: Scalar = -gains.ka * v * lateral * xp.sinc(dtheta) - kb * dtheta + v * xp.cos(dtheta) * curvature / room
     return omega
 
 

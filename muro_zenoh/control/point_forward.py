@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 from muro_zenoh.elementwise import Scalar, of
 from muro_zenoh.geometry import STILL, Pose2, Twist2, wrap_to_pi
+from muro_zenoh.quantities import Length, NotNegative, Quantity, Speed, TurningRate, check_quantities
 
 REVERSE_LIMIT: Final = 0.75 * math.pi
 """The limit on reversing that seed 001 suggests: 3 pi / 4."""
@@ -68,23 +69,18 @@ class GoToGoal:
         reverse_from: reversing is forbidden beyond this angle from the goal [rad, pi / 2 to pi].
 
     Raises:
-        ValueError: a number outside those ranges.
+        ParameterError: a number outside those ranges.
     """
 
-    speed: float = 0.2
-    ahead: float = 0.15
-    slope: float = 1.0
-    tolerance: float = 0.02
-    reverse_from: float = math.pi / 2
+    speed: Speed = 0.2
+    ahead: Length = 0.15
+    slope: Annotated[float, Quantity("1/s", above=0.0)] = 1.0
+    tolerance: Length = 0.02
+    # The limits as printed in a settings file with four digits count as the limits.
+    reverse_from: Annotated[float, Quantity("rad", at_least=round(math.pi / 2, 3) - 1e-3, at_most=3.1426)] = math.pi / 2
 
     def __post_init__(self) -> None:
-        for name in ("speed", "ahead", "slope", "tolerance"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"GoToGoal.{name}: got {value!r}, expected a finite number above 0")
-        # The limits as printed in a settings file with four digits count as the limits.
-        if not math.pi / 2 - 1e-3 <= self.reverse_from <= math.pi + 1e-3:
-            raise ValueError(f"GoToGoal.reverse_from: got {self.reverse_from!r}, expected pi/2 to pi [rad]")
+        check_quantities(self)
 
     def twist(self, pose: Pose2, x: float, y: float) -> Twist2:
         """The twist that takes the robot to a place, standing still within the tolerance.
@@ -154,21 +150,16 @@ class PidGains:
         omega_max: limit of the turning rate [rad/s], above 0; anti-windup works against it.
 
     Raises:
-        ValueError: a negative gain or a limit not above 0.
+        ParameterError: a negative gain or a limit not above 0.
     """
 
-    kp: float = 3.0
-    ki: float = 0.5
-    kd: float = 0.1
-    omega_max: float = 1.0
+    kp: Annotated[float, Quantity("1/s", at_least=0.0)] = 3.0
+    ki: Annotated[float, Quantity("1/s^2", at_least=0.0)] = 0.5
+    kd: NotNegative = 0.1
+    omega_max: TurningRate = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("kp", "ki", "kd"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"PidGains.{name}: got {value!r}, expected a finite number, not below 0")
-        if not (math.isfinite(self.omega_max) and self.omega_max > 0.0):
-            raise ValueError(f"PidGains.omega_max: got {self.omega_max!r}, expected a finite number above 0")
+        check_quantities(self)
 
 
 class PidState(NamedTuple):

@@ -7,111 +7,161 @@ that robot leaves). Only the previous order is state; it goes in and comes out.
 
 from __future__ import annotations
 
-import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Final
 
-from muro_zenoh.control.ring import (
-    HYSTERESIS,
-    RingRobot,
-    gaps,
-    gaps_unrolled,
-    order_ring,
-    order_unrolled,
-    ring_angles,
-    unroll,
-)
+from muro_zenoh.control.ring import RingRobot, gaps, order_ring, ring_angles, unroll
 from muro_zenoh.elementwise import Scalar, of
+from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import TWO_PI, Circle
-
-if TYPE_CHECKING:
-    from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do without
-
-__all__ = [
-    "DEFAULT_GAINS",
-    "HYSTERESIS",
-    "PursuitLaw",
-    "PursuitStep",
-    "RingRobot",
-    "gaps",
-    "order_ring",
-    "pursue",
-    "pursuit_speed",
-]
-
-DEFAULT_GAINS: Final[Mapping[str, float]] = {"two_gap": 2.5, "normalised": 1.0, "proportional": 0.3, "importance": 2.5}
-"""The pursuit laws by name, each with its default gain."""
+from muro_zenoh.quantities import Positive, Quantity, Speed, SpeedOrRest, check_quantities
 
 
-@dataclass(frozen=True, slots=True)
-class PursuitLaw:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PursuitLaw(ABC):
     """A pursuit law with its gain and limits.
 
-    With ``gap`` to the successor, ``behind`` from the predecessor, N robots on the ring, K the gain, r the radius:
-
-    * ``two_gap`` (the default): ``v = cruise + (r K / 2) (gap - behind)``, K in 1/s;
-    * ``normalised``: ``v = cruise (1 + K (gap N / (2 pi) - 1))``, K a number;
-    * ``proportional`` (seed 000): ``v = K r gap``, K in 1/s, so that the angle closes at K times the gap. The seed's
-      discrete gain is K times its period; it converges for products in (0, 1). The steady speed is ``K r 2 pi / N``:
-      where that is beyond ``v_max``, all drive at ``v_max`` before they are evenly spread, and stay so;
-    * ``importance``: ``v = (s + (r K / 2) (mass ahead - mass behind)) / rho(angle)``, K in 1/s: two_gap in the
-      coordinate whose increment is ``rho d angle``, where the density asked for is uniform. ``s`` is ``cruise``
-      brought to where ``s / rho`` keeps within the limits all the way round. Without the division by rho the density
-      does not follow rho.
-
-    All are clipped to ``[v_min, v_max]``.
+    In the formulas below ``gap`` is the angle to the successor, ``behind`` that from the predecessor, N the number of
+    robots on the ring, K the gain, r the radius. Every law is clipped to ``[v_min, v_max]``.
 
     Args:
-        name: a key of :data:`DEFAULT_GAINS`.
         cruise: speed of an evenly spread ring, and of a robot on its way to it [m/s].
-        gain: K; None takes the law's default.
         v_min: least speed on the ring [m/s].
         v_max: greatest speed [m/s].
-        importance: the density to keep; for ``importance`` only.
+        gain: K.
 
     Raises:
-        ValueError: an unknown name, a gain not above 0, speeds not in order, an importance missing or not asked for,
-            or one whose contrast the speeds cannot serve.
+        ParameterError: a number outside its limits, or speeds that are not in order.
 
     Source: seed 000, sections 3.2, 5.2 and 6.
     """
 
-    name: str = "two_gap"
-    cruise: float = 0.2
-    gain: float | None = None
-    v_min: float = 0.05
-    v_max: float = 0.4
-    importance: Importance | None = None
+    NAME: ClassVar[str]
+
+    cruise: SpeedOrRest = 0.2
+    v_min: SpeedOrRest = 0.05
+    v_max: Speed = 0.4
+    gain: Positive = 1.0
 
     def __post_init__(self) -> None:
-        if self.name not in DEFAULT_GAINS:
-            raise ValueError(f"pursuit law: got {self.name!r}, expected one of {', '.join(DEFAULT_GAINS)}")
-        if self.gain is None:
-            object.__setattr__(self, "gain", DEFAULT_GAINS[self.name])
-        if not (math.isfinite(self.k) and self.k > 0.0):
-            raise ValueError(f"gain of the pursuit law: got {self.gain!r}, expected a finite number above 0")
-        if not 0.0 <= self.v_min <= self.cruise <= self.v_max < math.inf:
-            raise ValueError(
-                f"speeds of the pursuit law: got v_min {self.v_min!r}, cruise {self.cruise!r}, v_max {self.v_max!r} "
-                "[m/s], expected 0 <= v_min <= cruise <= v_max"
-            )
-        if (self.importance is None) == (self.name == "importance"):
-            raise ValueError(
-                f"importance of the pursuit law {self.name}: got {'none' if self.importance is None else 'one'}, "
-                f"expected {'one' if self.importance is None else 'none; the law importance takes it'}"
-            )
-        # A hair of slack: a contrast of exactly v_max / v_min is what the speeds can just serve.
-        if self.importance and self.v_min * self.importance.contrast > self.v_max * (1.0 + 1e-9):
-            raise ValueError(
-                f"importance of the pursuit law: got a contrast of {self.importance.contrast:.2f}, expected "
-                f"highest over lowest at most v_max / v_min = {self.v_max / self.v_min:.2f}. Flatten it or widen v"
+        check_quantities(self)
+        if not self.v_min <= self.cruise <= self.v_max:
+            raise ParameterError(
+                "cruise",
+                got=f"{self.cruise:g} with v_min {self.v_min:g} and v_max {self.v_max:g} [m/s]",
+                expected="v_min <= cruise <= v_max",
             )
 
-    @property
-    def k(self) -> float:
-        """The gain, default filled in."""
-        return DEFAULT_GAINS[self.name] if self.gain is None else self.gain
+    @abstractmethod
+    def _unclipped(self, gap: Any, behind: Any, count: Any, angle: Any, radius: float, clockwise: bool) -> Any:
+        """The speed before it is clipped [m/s]; the arguments are those of :func:`pursuit_speed`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoGap(PursuitLaw):
+    """The default, on both gaps: ``v = cruise + (r K / 2) (gap - behind)``, K in 1/s."""
+
+    NAME: ClassVar[str] = "two_gap"
+
+    gain: Annotated[float, Quantity("1/s", above=0.0)] = 2.5
+
+    def _unclipped(self, gap: Any, behind: Any, count: Any, angle: Any, radius: float, clockwise: bool) -> Any:
+        """By the formula of the class."""
+        return self.cruise + 0.5 * radius * self.gain * (gap - behind)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Normalised(PursuitLaw):
+    """``v = cruise (1 + K (gap N / (2 pi) - 1))``, K a number: the steady speed does not depend on N."""
+
+    NAME: ClassVar[str] = "normalised"
+
+    def _unclipped(self, gap: Any, behind: Any, count: Any, angle: Any, radius: float, clockwise: bool) -> Any:
+        """By the formula of the class."""
+        return self.cruise * (1.0 + self.gain * (gap * count / TWO_PI - 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proportional(PursuitLaw):
+    """The law of seed 000: ``v = K r gap``, K in 1/s, so that the angle closes at K times the gap.
+
+    The seed's discrete gain is K times its period; it converges for products in (0, 1). The steady speed is
+    ``K r 2 pi / N``: where that is above ``v_max``, all drive at ``v_max`` before they are evenly spread, and stay so.
+    """
+
+    NAME: ClassVar[str] = "proportional"
+
+    gain: Annotated[float, Quantity("1/s", above=0.0)] = 0.3
+
+    def _unclipped(self, gap: Any, behind: Any, count: Any, angle: Any, radius: float, clockwise: bool) -> Any:
+        """By the formula of the class."""
+        return self.gain * radius * gap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighted(PursuitLaw):
+    """:class:`TwoGap` in the coordinate whose increment is ``rho d angle``, in which the density asked for is uniform.
+
+    ``v = (s + (r K / 2) (mass ahead - mass behind)) / rho(angle)``, K in 1/s; ``s`` is ``cruise`` brought to where
+    ``s / rho`` keeps within the limits all the way round. Without the division by rho the density does not follow rho.
+
+    Args:
+        importance: rho, an :class:`~muro_zenoh.control.importance.Importance`.
+
+    Raises:
+        ParameterError: an importance whose contrast the speeds cannot serve.
+    """
+
+    NAME: ClassVar[str] = "importance"
+
+    gain: Annotated[float, Quantity("1/s", above=0.0)] = 2.5
+    importance: Any  # an Importance needs numpy, which most agents do without
+
+    def __post_init__(self) -> None:
+        PursuitLaw.__post_init__(self)
+        # Rounding: a contrast of exactly v_max / v_min is what the speeds can just serve.
+        if self.v_min * self.importance.contrast > self.v_max * (1.0 + 1e-9):
+            raise ParameterError(
+                "importance",
+                got=f"a contrast of {self.importance.contrast:.2f}",
+                expected=f"highest over lowest at most v_max / v_min = {self.v_max / self.v_min:.2f}",
+                hint="Flatten it, or widen the speeds.",
+            )
+
+    def _unclipped(self, gap: Any, behind: Any, count: Any, angle: Any, radius: float, clockwise: bool) -> Any:
+        """By the formula of the class."""
+        rho = self.importance
+        scale = min(max(self.cruise, self.v_min * rho.highest), self.v_max * rho.lowest)
+        sigma = -1.0 if clockwise else 1.0
+        here = rho.mass(angle)
+        ahead = sigma * (rho.mass(angle + sigma * gap) - here)
+        after = sigma * (here - rho.mass(angle - sigma * behind))
+        return (scale + 0.5 * radius * self.gain * (ahead - after)) / rho.density(angle)
+
+
+PURSUIT_LAWS: Final[Mapping[str, type[PursuitLaw]]] = MappingProxyType(
+    {law.NAME: law for law in (TwoGap, Normalised, Proportional, Weighted)}
+)
+"""The pursuit laws by the name that settings use; the first is the default."""
+
+
+def pursuit_law(name: str = TwoGap.NAME, **settings: Any) -> PursuitLaw:
+    """A pursuit law by name, with some of its settings changed.
+
+    Args:
+        name: a key of :data:`PURSUIT_LAWS`.
+        settings: fields of the law that differ from their defaults.
+
+    Raises:
+        ParameterError: no such law, or numbers that do not fit together.
+    """
+    kind = PURSUIT_LAWS.get(name)
+    if kind is None:
+        raise ParameterError("pursuit law", got=repr(name), expected=f"one of {', '.join(PURSUIT_LAWS)}")
+    return kind(**settings)
 
 
 def pursuit_speed(
@@ -131,22 +181,7 @@ def pursuit_speed(
     Returns:
         Speed within ``[v_min, v_max]``.
     """
-    speed: Any
-    if law.name == "two_gap":
-        speed = law.cruise + 0.5 * radius * law.k * (gap - behind)
-    elif law.name == "normalised":
-        speed = law.cruise * (1.0 + law.k * (gap * count / TWO_PI - 1.0))
-    elif law.name == "proportional":
-        speed = law.k * radius * gap
-    else:
-        assert law.importance is not None
-        rho = law.importance
-        scale = min(max(law.cruise, law.v_min * rho.highest), law.v_max * rho.lowest)
-        sigma = -1.0 if clockwise else 1.0
-        here = rho.mass(angle)
-        ahead = sigma * (rho.mass(angle + sigma * gap) - here)
-        after = sigma * (here - rho.mass(angle - sigma * behind))
-        speed = (scale + 0.5 * radius * law.k * (ahead - after)) / rho.density(angle)
+    speed = law._unclipped(gap, behind, count, angle, radius, clockwise)
     clipped: Scalar = of(gap).clip(speed, law.v_min, law.v_max)
     return clipped
 
@@ -187,11 +222,11 @@ def pursue(
         law: the law.
     """
     angles = ring_angles(ring, circle)
-    ordered, way = unroll(angles, circle.clockwise)
-    order = order_unrolled(ordered, way, order)
+    travelled = unroll(angles, circle.clockwise)
+    order = order_ring(travelled, order)
     if me not in angles:
         return PursuitStep(law.cruise, TWO_PI, TWO_PI, order, len(angles), False)
-    to_next = gaps_unrolled(way, order)
+    to_next = gaps(travelled, order)
     gap, behind = to_next[me], to_next[order[order.index(me) - 1]]
     speed = pursuit_speed(law, gap, behind, len(order), angles[me], circle.radius, circle.clockwise)
     return PursuitStep(speed, gap, behind, order, len(order), True)

@@ -12,9 +12,8 @@ from typing import Final, Literal, NamedTuple
 from muro_zenoh.control.path_tracking import Progress, TrackingGains, follow_path
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import STILL, Pose2, Twist2, wrap_to_pi
+from muro_zenoh.geometry import STILL, Bounds, Pose2, Twist2, wrap_to_pi
 from muro_zenoh.planning.arena import plan_after_turn, plan_inside
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.destination import Destination, goal_pose
 from muro_zenoh.planning.path import Path
 

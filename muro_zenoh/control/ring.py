@@ -53,11 +53,21 @@ def ring_angles(ring: Mapping[str, RingRobot], circle: Circle) -> dict[str, floa
     return angles
 
 
-def unroll(angles: Mapping[str, float], clockwise: bool) -> tuple[tuple[str, ...], dict[str, float]]:
-    """Names in the direction of travel from the far end of the widest gap on, and the way travelled to each [rad].
+def angles_round(places: Mapping[str, tuple[float, float]], circle: Circle) -> dict[str, float]:
+    """The angles of robots seen from a circle's centre [rad].
 
-    Cut at the widest gap, two robots that are close are never on either side of the cut: "just behind" then means a
-    small way less, instead of a whole turn more.
+    Args:
+        places: x, y [m, world] by robot.
+        circle: the circle.
+    """
+    return {name: math.atan2(y - circle.y, x - circle.x) for name, (x, y) in places.items()}
+
+
+def unroll(angles: Mapping[str, float], clockwise: bool) -> dict[str, float]:
+    """The ring cut open at its widest gap: the angle travelled to each robot [rad], in the order of travel.
+
+    Cut there, two robots that are close are never on either side of the cut: "just behind" then means a small angle
+    less, instead of a whole turn more. Equal angles go by name.
 
     Args:
         angles: the robots on the ring: name to angle seen from the centre [rad], any turn.
@@ -65,88 +75,84 @@ def unroll(angles: Mapping[str, float], clockwise: bool) -> tuple[tuple[str, ...
     """
     sigma = -1.0 if clockwise else 1.0
     rows = sorted((ccw_gap(0.0, sigma * angle), name) for name, angle in angles.items())
-    ways, names = [way for way, _ in rows], [name for _, name in rows]
     widest, first = -1.0, 0
-    for k in range(len(names)):
-        gap = ways[k] - ways[k - 1] + (TWO_PI if k == 0 else 0.0)
+    for k, (angle, _) in enumerate(rows):
+        gap = angle - rows[k - 1][0] + (TWO_PI if k == 0 else 0.0)
         if gap > widest:
             widest, first = gap, k
-    ordered = (*names[first:], *names[:first])
-    start = ways[first] if names else 0.0
-    unrolled = {name: ways[k] - start + (TWO_PI if k < first else 0.0) for k, name in enumerate(names)}
-    return ordered, unrolled
+    start = rows[first][0] if rows else 0.0
+    unrolled = {name: angle - start for angle, name in rows[first:]}
+    unrolled.update((name, angle - start + TWO_PI) for angle, name in rows[:first])
+    return unrolled
 
 
-def order_ring(angles: Mapping[str, float], previous: Sequence[str], clockwise: bool) -> tuple[str, ...]:
+def order_ring(travelled: Mapping[str, float], previous: Sequence[str]) -> tuple[str, ...]:
     """Who follows whom: the names in the direction of travel, beginning behind the widest gap.
 
     Neighbours keep the order that they had until one is :data:`HYSTERESIS` ahead of the other: else noise on two robots
-    side by side would flip a gap between nothing and a whole turn. Newcomers are put where they are; equal angles go
-    by name.
+    side by side would flip a gap between nothing and a whole turn. Newcomers are put where they are.
 
     Args:
-        angles: the robots on the ring: name to angle seen from the centre [rad], any turn.
+        travelled: the ring, from :func:`unroll` [rad].
         previous: what this function returned at the step before; empty at first. Names that left are ignored.
-        clockwise: the direction of travel.
 
     Returns:
         Each name once.
     """
-    return order_unrolled(*unroll(angles, clockwise), previous)
-
-
-def order_unrolled(ordered: tuple[str, ...], way: Mapping[str, float], previous: Sequence[str]) -> tuple[str, ...]:
-    """:func:`order_ring` of what :func:`unroll` found.
-
-    Args:
-        ordered: the names by their angles.
-        way: the way travelled to each [rad].
-        previous: the order of the step before.
-    """
+    ordered = tuple(travelled)
     if not previous or tuple(previous) == ordered:
         return ordered
-    result = [name for name in previous if name in way]
+    result = [name for name in previous if name in travelled]
     known = set(result)
     # Insertion sort that leaves inversions within the hysteresis: each exchange undoes a real one, so it ends.
     for k in range(1, len(result)):
-        while k > 0 and way[result[k - 1]] > way[result[k]] + HYSTERESIS:
+        while k > 0 and travelled[result[k - 1]] > travelled[result[k]] + HYSTERESIS:
             result[k - 1], result[k] = result[k], result[k - 1]
             k -= 1
     for name in ordered:
         if name not in known:
             place = len(result)
-            while place > 0 and (way[result[place - 1]], result[place - 1]) > (way[name], name):
+            while place > 0 and (travelled[result[place - 1]], result[place - 1]) > (travelled[name], name):
                 place -= 1
             result.insert(place, name)
     return tuple(result)
 
 
-def gaps(angles: Mapping[str, float], order: Sequence[str], clockwise: bool) -> dict[str, float]:
+def gaps(travelled: Mapping[str, float], order: Sequence[str]) -> dict[str, float]:
     """The angle from each robot to its successor [rad]: each in [0, 2 pi], 2 pi in all; alone, a whole turn.
 
     Args:
-        angles: the robots on the ring: name to angle seen from the centre [rad], any turn.
-        order: from :func:`order_ring` for the same angles.
-        clockwise: the direction of travel.
-    """
-    return gaps_unrolled(unroll(angles, clockwise)[1], order)
-
-
-def gaps_unrolled(way: Mapping[str, float], order: Sequence[str]) -> dict[str, float]:
-    """:func:`gaps` of what :func:`unroll` found.
-
-    Args:
-        way: the way travelled to each [rad].
-        order: the order of the same robots.
+        travelled: the ring, from :func:`unroll` [rad].
+        order: from :func:`order_ring` for the same ring.
     """
     result: dict[str, float] = {}
-    reached = way[order[0]] if order else 0.0
-    start = reached
+    reached = start = travelled[order[0]] if order else 0.0
     for name, successor in itertools.pairwise(order):
         # Two whose order the hysteresis keeps up against their angles count as side by side.
-        ahead = max(reached, way[successor])
+        ahead = max(reached, travelled[successor])
         result[name] = ahead - reached
         reached = ahead
     if order:
         result[order[-1]] = TWO_PI - (reached - start)
     return result
+
+
+def gaps_ahead(angles: Mapping[str, float], clockwise: bool) -> dict[str, float]:
+    """:func:`gaps` of robots as they are now, without an order from before.
+
+    Args:
+        angles: name to angle seen from the centre [rad], any turn.
+        clockwise: the direction of travel.
+    """
+    travelled = unroll(angles, clockwise)
+    return gaps(travelled, tuple(travelled))
+
+
+def spacing_error(angles: Mapping[str, float]) -> float:
+    """The largest ``|gap - 2 pi / N|`` of N robots [rad]; 0 for fewer than two. The same in both directions.
+
+    Args:
+        angles: name to angle seen from the centre [rad], any turn.
+    """
+    even = TWO_PI / max(len(angles), 1)
+    return max((abs(gap - even) for gap in gaps_ahead(angles, False).values()), default=0.0)

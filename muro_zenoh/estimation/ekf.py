@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from muro_zenoh import elementwise
+from muro_zenoh.arcs import chord
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +172,7 @@ def begin(mean: Mean) -> Stretch:
 
 
 def drive(stretch: Stretch, mean: Mean, v: Any, omega: Any, dt: Any, settings: FilterSettings) -> Stretch:
-    """The stretch carried on along one arc, exact for constant speeds while \\|s_omega omega dt\\| < 1 rad.
+    """The stretch carried on along one arc of constant speeds; the derivatives hold for turns below 1 rad.
 
         d = s_v v dt sinc(h),  h = s_omega omega dt / 2:   x += d cos(theta + h),  y += d sin(theta + h),  theta += 2 h
 
@@ -183,22 +184,17 @@ def drive(stretch: Stretch, mean: Mean, v: Any, omega: Any, dt: Any, settings: F
         dt: how long [s].
         settings: the speeds that count as rest.
     """
-    xp = elementwise.of(stretch.theta)
     half_wheel = 0.5 * dt * omega
     h = mean.s_omega * half_wheel
-    hh = h * h
     nominal = mean.s_v * dt * v
-    # sinc as its series: no branch at zero, and within 3e-8 up to h = 0.5
-    d = nominal * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
-    mid = stretch.theta + h
-    sin, cos = xp.sincos(mid)
+    d, cos, sin = chord(stretch.theta, nominal, h)
     dx, dy = d * cos, d * sin
     turn_mid = stretch.turn + half_wheel
-    bend = nominal * half_wheel * h * (hh / 30.0 - 1.0 / 3.0)
+    bend = nominal * half_wheel * h * (h * h / 30.0 - 1.0 / 3.0)  # sinc's derivative, as its series
     return Stretch(
         stretch.x + dx,
         stretch.y + dy,
-        mid + h,
+        stretch.theta + 2.0 * h,
         turn_mid + half_wheel,
         stretch.x_by_w - dy * turn_mid + bend * cos,
         stretch.y_by_w + dx * turn_mid + bend * sin,
@@ -208,29 +204,6 @@ def drive(stretch: Stretch, mean: Mean, v: Any, omega: Any, dt: Any, settings: F
         stretch.time_v + (abs(v) > settings.v_rest) * dt,
         stretch.time_w + (abs(omega) > settings.omega_rest) * dt,
     )
-
-
-def carry(x: Any, y: Any, theta: Any, v: Any, omega: Any, dt: Any) -> tuple[Any, Any, Any]:
-    """A pose alone, carried along one arc: :func:`drive` without what the covariance needs.
-
-    Args:
-        x: place [m, world].
-        y: place [m, world].
-        theta: heading [rad].
-        v: true speed [m/s].
-        omega: true turning speed [rad/s], \\|omega dt\\| < 1 rad.
-        dt: how long [s].
-
-    Returns:
-        x, y [m, world] and theta [rad], not wrapped.
-    """
-    xp = elementwise.of(theta)
-    h = 0.5 * dt * omega
-    hh = h * h
-    d = dt * v * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
-    mid = theta + h
-    sin, cos = xp.sincos(mid)
-    return x + d * cos, y + d * sin, mid + h
 
 
 def predict(mean: Mean, P: Covariance, stretch: Stretch, settings: FilterSettings) -> tuple[Mean, Covariance]:

@@ -14,11 +14,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from muro_zenoh.arcs import carry
 from muro_zenoh.estimation import ekf
 from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean, Stretch
-from muro_zenoh.estimation.wheel_model import WheelLimits
+from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
 from muro_zenoh.estimation.wheel_track import WheelTrack
-from muro_zenoh.geometry import wrap_to_pi
+from muro_zenoh.geometry import State, wrap_to_pi
 
 __all__ = ["FilterSettings", "FixResult", "PoseEstimate", "PoseFilter"]
 
@@ -78,10 +79,11 @@ class PoseFilter:
         limits: the robot's wheels, for the times that odometry does not cover.
     """
 
-    __slots__ = ("_anchors", "_gated", "_settings", "_track")
+    __slots__ = ("_anchors", "_gated", "_limits", "_settings", "_track")
 
     def __init__(self, settings: FilterSettings | None = None, limits: WheelLimits = _DEFAULT_WHEELS) -> None:
         self._settings = settings if settings is not None else FilterSettings()
+        self._limits = limits
         self._track = WheelTrack(self._settings, limits)
         self._anchors: list[_Anchor] = []
         self._gated: list[tuple[float, Fix]] = []
@@ -177,6 +179,26 @@ class PoseFilter:
             math.sqrt(P.ww),
             anchor.t_fix,
         )
+
+    def look_ahead(self, estimate: PoseEstimate, t: float, horizon: float) -> State:
+        """Where the robot will be under the command in force, and how fast: where laws are evaluated.
+
+        Args:
+            estimate: what :meth:`at` returned for ``t``.
+            t: its time [s].
+            horizon: how far ahead [s]; the speeds are taken as linear within it.
+        """
+        v, omega = estimate.v / estimate.s_v, estimate.omega / estimate.s_omega
+        v1, omega1 = step_wheels(v, omega, *self._track.command_at(t, v, omega), self._limits, horizon)
+        x, y, theta = carry(
+            estimate.x,
+            estimate.y,
+            estimate.theta,
+            estimate.s_v * (0.5 * (v + v1)),
+            estimate.s_omega * (0.5 * (omega + omega1)),
+            horizon,
+        )
+        return State(x, y, theta, estimate.s_v * v1, estimate.s_omega * omega1)
 
     def _coast(self, t: float) -> None:
         """Without fixes for two seconds, move the anchor on: nothing is rolled forward twice for ever."""

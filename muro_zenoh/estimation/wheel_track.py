@@ -93,6 +93,19 @@ class WheelTrack:
         if len(self._commands) > _MOST_COMMANDS or self._commands[0][0] < oldest:
             self._commands = [sent for sent in self._commands[-_MOST_COMMANDS:] if sent[0] >= oldest]
 
+    def command_at(self, t: float, v: float, omega: float) -> tuple[float, float]:
+        """The command in force at ``t``, the newest time that is known: zero when the newest has expired.
+
+        Args:
+            t: when [s, local clock].
+            v: what to assume when no command was ever sent: the wheels' own speed [m/s].
+            omega: the same [rad/s].
+        """
+        if not self._commands:
+            return v, omega
+        sent, v_sent, omega_sent = self._commands[-1]
+        return (v_sent, omega_sent) if t - sent < self._settings.command_timeout else (0.0, 0.0)
+
     def forget(self, t: float) -> None:
         """Drop what is not needed for times from ``t`` on.
 

@@ -12,10 +12,10 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.figures.canvas import BLACK, BLUE, GREY, ORANGE, PAGE, PALE, arrow, part_label, plan_view, sheet
 from muro_zenoh.figures.effort import Effort
 from muro_zenoh.figures.track import drive
-from muro_zenoh.geometry import Pose2
+from muro_zenoh.geometry import Pose2, State
 from muro_zenoh.planning.dubins import plan
 from muro_zenoh.planning.path import STRAIGHT
-from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
+from muro_zenoh.simulation.rollout.fleet import Fleet
 from muro_zenoh.simulation.rollout.settings import NOISY
 
 if TYPE_CHECKING:
@@ -38,9 +38,9 @@ def dubins(effort: Effort) -> Figure:
     fleet = Fleet(np.array([START]), NOISY, np.random.default_rng(1))
     progress, ways, asked, driven, offsets = Progress(), [], [], [], []
 
-    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
+    def policy(t: float, ahead: State) -> tuple[Array, Array]:
         nonlocal progress
-        pose = Pose2(*(float(value[0]) for value in (seen.x, seen.y, seen.theta)))
+        pose = Pose2(*(float(value[0]) for value in (ahead.x, ahead.y, ahead.theta)))
         step = follow_path(path, pose, progress, NOISY.period, GAINS, PROFILE)
         progress = step.progress
         x, y = map(float, fleet.plant.pose[0, :2])

@@ -27,8 +27,8 @@ from muro_zenoh.figures.canvas import (
 from muro_zenoh.figures.effort import Effort
 from muro_zenoh.figures.steps import distribution, log_ticks
 from muro_zenoh.figures.track import Track, drive
-from muro_zenoh.geometry import Circle, Pose2
-from muro_zenoh.simulation.rollout.fleet import Fleet, Policy, Seen
+from muro_zenoh.geometry import Circle, Pose2, State
+from muro_zenoh.simulation.rollout.fleet import Fleet, Policy
 from muro_zenoh.simulation.rollout.runs import follow_circle, settling_time
 from muro_zenoh.simulation.rollout.settings import CLEAN, NOISY, LoopSettings
 from muro_zenoh.simulation.rollout.yardstick import shortest_tangent_path
@@ -153,14 +153,14 @@ def _note(law: str, seconds: float) -> _Noted:
     fleet, policy = _fleet(NOISY), _policy(circle_law(law))
     rows: list[tuple[float, float, float, float, float]] = []
 
-    def noting(t: float, seen: Seen) -> tuple[Array, Array]:
+    def noting(t: float, ahead: State) -> tuple[Array, Array]:
         fix, found, plant = fleet.newest_fix, fleet.filter, fleet.plant
         assert fix is not None  # the loop has cameras
         assert found is not None
         error = float(np.hypot(fix.x[0] - CIRCLE.x, fix.y[0] - CIRCLE.y)) - CIRCLE.radius
         s_v, s_omega = found.mean.s_v[0] / plant.s_v[0], found.mean.s_omega[0] / plant.s_omega[0]
         rows.append((t, t - fleet.fix_age, error, 100.0 * (s_v - 1.0), 100.0 * (s_omega - 1.0)))
-        return policy(t, seen)
+        return policy(t, ahead)
 
     track = drive(fleet, noting, seconds)
     time, fix_time, error, s_v, s_omega = np.array(rows).T
@@ -218,4 +218,4 @@ def _fleet(settings: LoopSettings) -> Fleet:
 
 def _policy(law: CircleLaw) -> Policy:
     speed = np.full(1, V)
-    return lambda t, seen: (speed, law(seen.x, seen.y, seen.theta, seen.v, CIRCLE))
+    return lambda t, ahead: (speed, law(ahead.x, ahead.y, ahead.theta, ahead.v, CIRCLE))

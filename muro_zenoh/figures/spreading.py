@@ -10,15 +10,15 @@ import numpy as np
 
 from muro_zenoh.control.circle import circle_law
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.control.pursuit import PursuitLaw, pursuit_speed
+from muro_zenoh.control.pursuit import PursuitLaw, pursuit_law, pursuit_speed
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
 from muro_zenoh.figures.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, PAGE, part_label, plan_view, sheet
 from muro_zenoh.figures.effort import Effort
 from muro_zenoh.figures.steps import distribution, log_ticks
 from muro_zenoh.figures.track import drive
-from muro_zenoh.geometry import TWO_PI, Circle
-from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
+from muro_zenoh.geometry import TWO_PI, Circle, State
+from muro_zenoh.simulation.rollout.fleet import Fleet
 from muro_zenoh.simulation.rollout.runs import pursue_ring, ring_angle, settling_time
 from muro_zenoh.simulation.rollout.settings import CLEAN, NOISY
 from muro_zenoh.simulation.rollout.yardstick import equal_spacing_bound
@@ -75,7 +75,7 @@ def steps_100(effort: Effort) -> Figure:
 
 def _ring_after(steps: int) -> Figure:
     """``theta_i(t + 1) = theta_i(t) + k gap_i(t)``: the proportional law, a second a step."""
-    law = PursuitLaw("proportional", cruise=1.0, gain=STEP_GAIN, v_min=0.0, v_max=100.0)
+    law = pursuit_law("proportional", cruise=1.0, gain=STEP_GAIN, v_min=0.0, v_max=100.0)
     angle = np.linspace(0.0, BUNCH, ROBOTS)
     for _ in range(steps):
         angle = angle + _speed(law, angle) / CIRCLE.radius
@@ -112,7 +112,7 @@ def settling(effort: Effort) -> Figure:
     bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX)
     figure, (course, ratios) = sheet(PAGE, 2.6, 1, 2)
     for name, (label, color, dashes) in LAW_LOOKS.items():
-        law = PursuitLaw(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
+        law = pursuit_law(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
         for loop in (CLEAN, NOISY):
             # The hidden drive errors may ask 20 % more of the wheels than of the robot.
             settings = replace(loop, v_max=1.5 * V_MAX)
@@ -184,7 +184,7 @@ def importance(effort: Effort) -> Figure:
 
 def _densities(asked: Importance, sizes: tuple[int, ...], effort: Effort) -> list[Array]:
     """How often rings of robots under importance-weighted pursuit are in each bin of angles, mean 1, (BINS,) each."""
-    law = PursuitLaw("importance", cruise=CRUISE, v_min=V_MIN, v_max=V_MAX, importance=asked)
+    law = pursuit_law("importance", cruise=CRUISE, v_min=V_MIN, v_max=V_MAX, importance=asked)
     follow = circle_law()
     angles = np.concatenate([np.linspace(0.0, BUNCH, robots) for robots in sizes])
     ends = np.cumsum(sizes)
@@ -192,10 +192,10 @@ def _densities(asked: Importance, sizes: tuple[int, ...], effort: Effort) -> lis
     starts = np.column_stack((CIRCLE.radius * np.cos(angles), CIRCLE.radius * np.sin(angles), angles + math.pi / 2.0))
     fleet = Fleet(starts, replace(NOISY, v_max=1.5 * V_MAX), np.random.default_rng(3))
 
-    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
-        angle = ring_angle(fleet, seen, CIRCLE)
+    def policy(t: float, ahead: State) -> tuple[Array, Array]:
+        angle = ring_angle(fleet, ahead, CIRCLE)
         speed = np.concatenate([_speed(law, angle[ring]) for ring in rings])
-        return speed, follow(seen.x, seen.y, seen.theta, seen.v, CIRCLE)
+        return speed, follow(ahead.x, ahead.y, ahead.theta, ahead.v, CIRCLE)
 
     settle = effort.seconds(60.0)
     track = drive(fleet, policy, settle + effort.seconds(180.0))

@@ -27,6 +27,16 @@ class Circle(Message, frozen=True, kw_only=True):
     clockwise: bool = False
     revision: Annotated[int, Meta(ge=0)] = 0
 
+    @classmethod
+    def of(cls, circle: geometry.Circle, revision: int = 0) -> Circle:
+        """The message of a circle.
+
+        Args:
+            circle: the circle.
+            revision: of the kept state.
+        """
+        return cls(x=circle.x, y=circle.y, radius=circle.radius, clockwise=circle.clockwise, revision=revision)
+
     @property
     def circle(self) -> geometry.Circle:
         """As the laws take it."""

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import Pose2, wrap_to_pi
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
 from muro_zenoh.planning.dubins import WORDS, Word, all_words, path_of
 from muro_zenoh.planning.path import Path
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.planning.density import Density, Peaks
 from muro_zenoh.planning.polygon import Point, Polygon, area, centroid, clip, quadrature
 

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from muro_zenoh.geometry import TWO_PI, Pose2, advance
+from muro_zenoh.arcs import advance
+from muro_zenoh.geometry import TWO_PI, Pose2
 
 STRAIGHT = 1e-9
 """Curvatures below this [1/m] count as straight."""

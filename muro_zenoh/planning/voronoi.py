@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.planning.coverage import Point, Polygon, cell, same_place
 
 

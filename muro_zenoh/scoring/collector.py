@@ -85,7 +85,7 @@ class Collector:
         self._on_circle_since: dict[str, float] = {}
         self._error_after: dict[str, float | None] = {}
         self.health: dict[str, Health] = {}
-        self.latest = Sample(0.0, {}, scenario.circle.circle)
+        self.latest = Sample(0.0, {}, scenario.circle)
 
     @property
     def elapsed(self) -> float:
@@ -200,7 +200,7 @@ class Collector:
     def circle(self) -> Circle:
         """The circle to follow: as it was heard, else as the scenario has it."""
         heard = self._circle.get()
-        return heard.message.circle if heard is not None else self._scenario.circle.circle
+        return heard.message.circle if heard is not None else self._scenario.circle
 
     def _bodies(self, now: float) -> dict[str, Body]:
         heard = self._truth.values()

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.geometry import TWO_PI, Circle
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import TWO_PI, Bounds, Circle
 from muro_zenoh.planning.coverage import Density, Point, coverage_cost, lloyd_step
 from muro_zenoh.scoring.goals import Body
 

@@ -1,14 +1,14 @@
-"""What a scenario asks of its robots, read from its behaviour, for the score sheet."""
+"""What a scenario asks of its robots, for the score sheet: read from the table of behaviours."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from muro_zenoh.config import Scenario, parameters_as
+from muro_zenoh.behaviours import table
+from muro_zenoh.behaviours.interface import BehaviourKind, Expectation
+from muro_zenoh.config import Scenario, read_parameters
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.errors import ConfigError
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.scoring.deployment import Deployment
 
 
@@ -40,39 +40,22 @@ def asked_of(scenario: Scenario) -> Asked:
 
     Raises:
         ConfigError: the behaviour does not take these parameters, or they do not fit together.
+        BehaviourError: no such behaviour.
     """
-    try:
-        return _asked_of(scenario)
-    except ValueError as error:
-        raise ConfigError(
-            f"{scenario.name}: behaviour", got=str(error), expected="parameters that fit together"
-        ) from error
+    expected = _expected(scenario)
+    asked = expected.deployment
+    return Asked(
+        expected.on_circle,
+        expected.evenly,
+        expected.importance,
+        {robot: scenario.goals.get(robot, ()) for robot in scenario.robots} if expected.goals else {},
+        expected.v_min,
+        Deployment(scenario.vehicle(scenario.robots[0]).arena, asked.density, asked.hold_time) if asked else None,
+    )
 
 
-def _asked_of(scenario: Scenario) -> Asked:
-    # Not before `muro run` has looked whether these are our agents, or a foreign package of that name.
-    from agents.tasks.coverage import CoverageParameters
-    from agents.tasks.dubins import DubinsParameters
-    from agents.tasks.pursuit import PursuitParameters
-
-    name, parameters = scenario.behaviour.name, scenario.behaviour.parameters
-    where = f"{scenario.name}: behaviour"
-    goals = {robot: scenario.goals.get(robot, ()) for robot in scenario.robots}
-    if name == "circle":
-        return Asked(follows_circle=True)
-    if name == "pursuit":
-        law = parameters_as(PursuitParameters, parameters, where).pursuit_law()
-        # Who weighs the circle does not spread evenly round it.
-        importance = law.importance if law.name == "importance" else None
-        return Asked(follows_circle=True, spreads=importance is None, importance=importance)
-    if name == "steer":
-        return Asked(goals=goals)
-    if name == "dubins":
-        return Asked(goals=goals, v_min=parameters_as(DubinsParameters, parameters, where).v_min)
-    if name == "coverage":
-        wanted = parameters_as(CoverageParameters, parameters, where)
-        a = scenario.arena
-        floor = Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
-        deployment = Deployment(floor, wanted.density(), wanted.hold_time)
-        return Asked(v_min=wanted.v_min, deployment=deployment)
-    return Asked()
+def _expected(scenario: Scenario) -> Expectation:
+    kind = table.find(scenario.behaviour.name)
+    if not isinstance(kind, BehaviourKind):
+        return Expectation()
+    return kind.expects(read_parameters(kind, scenario.behaviour.parameters, scenario.name))

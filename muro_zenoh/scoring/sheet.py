@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,8 +9,9 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from muro_zenoh.config import Checks
+from muro_zenoh.control import ring
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
+from muro_zenoh.geometry import Circle
 from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
 from muro_zenoh.scoring.goals import Body, Moment, Planned, goals_table, score_goals, score_tracking
 
@@ -144,13 +144,7 @@ def spacing_error(places: Mapping[str, tuple[float, float]], circle: Circle) -> 
         places: x, y [m, world] by robot.
         circle: round whose centre.
     """
-    n = len(places)
-    if n < 2:
-        return 0.0
-    angles = sorted(math.atan2(y - circle.y, x - circle.x) for x, y in places.values())
-    gaps = [ccw_gap(a, b) for a, b in itertools.pairwise(angles)]
-    gaps.append(TWO_PI - sum(gaps))
-    return max(abs(gap - TWO_PI / n) for gap in gaps)
+    return ring.spacing_error(ring.angles_round(places, circle))
 
 
 def settle_time(moments: Sequence[tuple[float, bool]], hold: float = HOLD) -> float | None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from typing import NamedTuple
 
 from muro_zenoh.config import Scenario
-from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
+from muro_zenoh.control import ring
+from muro_zenoh.geometry import Circle
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.sheet import Calibrated, radius_error, spacing_error
 
@@ -66,11 +66,7 @@ def gaps_ahead(places: dict[str, tuple[float, float]], circle: Circle) -> dict[s
         places: x, y [m, world] by robot.
         circle: whose centre, and whose direction.
     """
-    angles = {name: circle.sigma * math.atan2(y - circle.y, x - circle.x) for name, (x, y) in places.items()}
-    return {
-        name: min((ccw_gap(own, other) for them, other in angles.items() if them != name), default=TWO_PI)
-        for name, own in angles.items()
-    }
+    return ring.gaps_ahead(ring.angles_round(places, circle), circle.clockwise)
 
 
 def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:

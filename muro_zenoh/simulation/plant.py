@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from muro_zenoh.arcs import chord
 from muro_zenoh.arrays import ARRAYS
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
@@ -168,16 +169,12 @@ class Plant:
         self.min_separation = min(self.min_separation, float(distance.min()))
 
 
-def _advance(state: Array, way: Array, turn: Array) -> None:
-    """Carry poses (3, ...) along arcs of length ``way`` [m] that turn by ``turn`` [rad], in place."""
-    half = 0.5 * turn
-    hh = half * half
-    chord = way * (1.0 - hh * (1.0 / 6.0 - hh * (1.0 / 120.0 - hh / 5040.0)))
-    mid = state[2] + half
-    sin, cos = ARRAYS.sincos(mid)
-    state[0] += chord * cos
-    state[1] += chord * sin
-    state[2] = ARRAYS.wrap(mid + half)
+def _advance(state: Array, length: Array, turn: Array) -> None:
+    """Carry poses (3, ...) along arcs of ``length`` [m] that turn by ``turn`` [rad], in place."""
+    reach, cos, sin = chord(state[2], length, 0.5 * turn)
+    state[0] += reach * cos
+    state[1] += reach * sin
+    state[2] = ARRAYS.wrap(state[2] + turn)
 
 
 def _stack(limits: WheelLimits | Sequence[WheelLimits] | None, n: int) -> WheelLimits:

@@ -8,6 +8,7 @@ import numpy as np
 
 from muro_zenoh.elementwise import Array
 from muro_zenoh.errors import PlanningError
+from muro_zenoh.geometry import Bounds
 
 _TRIES = 400
 _LAYOUTS = 50
@@ -16,7 +17,7 @@ _LAYOUTS = 50
 def random_starts(
     rng: np.random.Generator,
     n: int,
-    bounds: tuple[float, float, float, float],
+    bounds: Bounds,
     radius: float | Array,
     margin: float = 0.02,
 ) -> Array:
@@ -25,7 +26,7 @@ def random_starts(
     Args:
         rng: draws them; the same seed gives the same starts.
         n: how many.
-        bounds: of the arena: ``(x_min, y_min, x_max, y_max)`` [m, world].
+        bounds: the arena.
         radius: of the bodies [m], of all robots or (n,).
         margin: least gap between two bodies, and between a body and a wall [m].
 
@@ -35,9 +36,8 @@ def random_starts(
     Raises:
         PlanningError: when the robots do not fit.
     """
-    x_min, y_min, x_max, y_max = bounds
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (n,))
-    width, height = x_max - x_min, y_max - y_min
+    width, height = bounds.width, bounds.height
     widest = 2.0 * float(radii.max(initial=0.0)) + 2.0 * margin
     if widest > min(width, height):
         raise PlanningError(
@@ -57,16 +57,15 @@ def random_starts(
     )
 
 
-def _lay_out(rng: np.random.Generator, bounds: tuple[float, float, float, float], radii: Array, margin: float) -> Array:
+def _lay_out(rng: np.random.Generator, bounds: Bounds, radii: Array, margin: float) -> Array:
     """Poses one after the other, as many as find a place."""
-    x_min, y_min, x_max, y_max = bounds
     poses = np.empty((len(radii), 3))
     for i, own in enumerate(radii):
-        inset = own + margin
+        inside = bounds.shrunk(own + margin)
         tries = np.column_stack(
             (
-                rng.uniform(x_min + inset, x_max - inset, _TRIES),
-                rng.uniform(y_min + inset, y_max - inset, _TRIES),
+                rng.uniform(inside.x_min, inside.x_max, _TRIES),
+                rng.uniform(inside.y_min, inside.y_max, _TRIES),
                 rng.uniform(-math.pi, math.pi, _TRIES),
             )
         )

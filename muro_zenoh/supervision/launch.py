@@ -15,7 +15,8 @@ from pathlib import Path
 
 import muro_zenoh
 from muro_zenoh.behaviours.entry_points import BEHAVIOURS
-from muro_zenoh.config import Scenario, as_table, load_scenario
+from muro_zenoh.behaviours.table import DEFAULT
+from muro_zenoh.config import Scenario, as_table, check_behaviour, load_scenario
 from muro_zenoh.errors import ConfigError, SupervisionError
 from muro_zenoh.supervision.supervisor import Child, ChildSpec, Supervisor
 
@@ -89,15 +90,13 @@ def check_can_run(scenario: Scenario, file: str) -> None:
     Raises:
         ConfigError: no camera, no such behaviour, or wrong parameters.
     """
-    from agents.behaviours import check_behaviour
-
     behaviour = scenario.behaviour
-    if not scenario.camera and behaviour.name != "hold":
+    if not scenario.camera and behaviour.name != DEFAULT:
         raise ConfigError(
             f"{file}: camera", got="none", expected="a section [camera.<name>]: without poses every robot stands"
         )
     for name in scenario.robots:
-        check_behaviour(behaviour.name, scenario.behaviour_of(name).parameters, file)
+        check_behaviour(behaviour.name, scenario.behaviour_of(name).parameters, file, [scenario.vehicle(name)])
 
 
 def make_run_folder(scenario: str, root: Path = Path("runs")) -> Path:
@@ -235,7 +234,7 @@ def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path) -> list
     environment = _environment()
     agents = [ChildSpec(name, _python("agents.agent", str(file), name), environment) for name in scenario.robots]
     return [
-        ChildSpec("simulator", _python("agents.simulator", str(file), "--seed", str(seed)), environment),
+        ChildSpec("simulator", _python("muro_zenoh.cli.main", "sim", str(file), "--seed", str(seed)), environment),
         ChildSpec(
             "basestation",
             _python("basestation.station", str(file), "--state", str(folder / "state.json")),

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.control.pursuit import PursuitLaw, RingRobot, gaps, order_ring, pursue, pursuit_speed
+from muro_zenoh.control.pursuit import PursuitLaw, pursue, pursuit_law, pursuit_speed
+from muro_zenoh.control.ring import RingRobot, gaps_ahead
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import Circle
@@ -33,13 +34,14 @@ def spin(law: PursuitLaw, angles: Array, radius: float, clockwise: bool, seconds
 def test_every_law_spreads_a_bunch_evenly(name: str, seconds: float, clockwise: bool, robots: int) -> None:
     start = np.random.default_rng(7).uniform(0.0, math.pi / 3, (20, robots))
     # The seed's gain must be matched to the ring, so that its steady speed is 0.2 m/s.
-    law = PursuitLaw(name, v_min=0.02, gain=0.2 * robots / (TWO_PI * 1.1) if name == "proportional" else None)
+    matched = {"gain": 0.2 * robots / (TWO_PI * 1.1)} if name == "proportional" else {}
+    law = pursuit_law(name, v_min=0.02, **matched)
     gap, _, _ = array_gaps(spin(law, start, 1.1, clockwise, seconds), clockwise)
     assert np.abs(gap - TWO_PI / robots).max() < 0.1
 
 
 def test_the_seeds_law_stalls_when_its_steady_speed_is_out_of_reach() -> None:
-    law = PursuitLaw("proportional", gain=0.3)
+    law = pursuit_law("proportional", gain=0.3)
     gap, _, _ = array_gaps(spin(law, np.array([[0.0, 0.5]]), 1.1, False, 300.0), False)
     assert 0.3 * 1.1 * math.pi > law.v_max
     assert np.abs(gap - math.pi).max() > 1.5
@@ -52,17 +54,17 @@ def test_the_seeds_law_stalls_when_its_steady_speed_is_out_of_reach() -> None:
     radius=st.floats(0.6, 1.2),
 )
 def test_two_gap_converges_from_anywhere(angles: list[float], clockwise: bool, radius: float) -> None:
-    end = spin(PursuitLaw(), np.array([angles]), radius, clockwise, 90.0)
+    end = spin(pursuit_law(), np.array([angles]), radius, clockwise, 90.0)
     gap, behind, count = array_gaps(end, clockwise)
     assert np.abs(gap - TWO_PI / len(angles)).max() < 0.05
-    speed = pursuit_speed(PursuitLaw(), gap, behind, count, end, radius, clockwise)
+    speed = pursuit_speed(pursuit_law(), gap, behind, count, end, radius, clockwise)
     assert speed == pytest.approx(np.full_like(speed, 0.2), abs=0.02)
 
 
 def test_the_seeds_discrete_form_converges_for_gains_between_0_and_1() -> None:
     # theta(t+1) = theta(t) + k gap(t), unsaturated: gaps become equal, the steady step is k 2 pi / N.
     for k in (0.1, 0.5, 0.9):
-        law = PursuitLaw("proportional", gain=k / DT, v_min=0.0, v_max=1e6, cruise=1.0)
+        law = pursuit_law("proportional", gain=k / DT, v_min=0.0, v_max=1e6, cruise=1.0)
         angles = np.sort(np.random.default_rng(1).uniform(0.0, 1.0, (1, 6)))
         end = spin(law, angles, 1.0, False, 400 * DT)
         gap, _, _ = array_gaps(end, False)
@@ -87,7 +89,7 @@ def least_time_to_even(angles: Array, radius: float, v_min: float, v_max: float,
 
 def test_two_gap_is_within_15_percent_of_the_bound_from_a_bunch() -> None:
     rng = np.random.default_rng(11)
-    radius, law = 1.1, PursuitLaw()
+    radius, law = 1.1, pursuit_law()
     starts = np.sort(rng.uniform(0.0, math.pi / 3, (20, 10)), axis=1)
     bounds = [least_time_to_even(row, radius, law.v_min, law.v_max, 0.0) for row in starts]
     last, now = np.zeros(20), starts
@@ -125,25 +127,25 @@ def run_agents(
 def test_a_robot_leaves_and_the_rest_space_again_then_one_comes(clockwise: bool) -> None:
     circle = Circle(2.0, 1.5, 0.8, clockwise)
     names = ["r1", "r2", "r3", "r4", "r5"]
-    angles = run_agents(circle, {n: 0.2 * k for k, n in enumerate(names)}, PursuitLaw(), 30.0)
+    angles = run_agents(circle, {n: 0.2 * k for k, n in enumerate(names)}, pursuit_law(), 30.0)
     del angles["r3"]
-    angles = run_agents(circle, angles, PursuitLaw(), 30.0)
-    spread = gaps(angles, order_ring(angles, (), clockwise), clockwise)
+    angles = run_agents(circle, angles, pursuit_law(), 30.0)
+    spread = gaps_ahead(angles, clockwise)
     assert max(abs(g - TWO_PI / 4) for g in spread.values()) < 0.02
     angles["r9"] = angles["r1"]
-    angles = run_agents(circle, angles, PursuitLaw(), 30.0)
-    spread = gaps(angles, order_ring(angles, (), clockwise), clockwise)
+    angles = run_agents(circle, angles, pursuit_law(), 30.0)
+    spread = gaps_ahead(angles, clockwise)
     assert max(abs(g - TWO_PI / 5) for g in spread.values()) < 0.02
 
 
 def test_positions_150_ms_old_do_not_bias_the_speed() -> None:
     circle = Circle(0.0, 0.0, 0.8)
     start = {f"r{k}": 0.3 * k for k in range(5)}
-    before = run_agents(circle, start, PursuitLaw(), 40.0, age=0.15)
-    after = run_agents(circle, before, PursuitLaw(), 10.0, age=0.15)
+    before = run_agents(circle, start, pursuit_law(), 40.0, age=0.15)
+    after = run_agents(circle, before, pursuit_law(), 10.0, age=0.15)
     mean = np.mean([after[n] - before[n] for n in start]) * 0.8 / 10.0
     assert mean == pytest.approx(0.2, rel=0.02)
-    spread = gaps(after, order_ring(after, (), False), False)
+    spread = gaps_ahead(after, False)
     assert max(abs(g - TWO_PI / 5) for g in spread.values()) < 0.1
 
 
@@ -151,7 +153,7 @@ def test_positions_150_ms_old_do_not_bias_the_speed() -> None:
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_the_time_averaged_density_follows_the_importance(robots: int, clockwise: bool) -> None:
     wanted = Importance.from_function(lambda a: 2.0 + math.cos(a - 1.0))
-    law = PursuitLaw("importance", importance=wanted)
+    law = pursuit_law("importance", importance=wanted)
     angles = spin(law, np.random.default_rng(3).uniform(0.0, 1.0, (1, robots)), 0.8, clockwise, 60.0)
     bins = np.zeros(36)
     for _ in range(round(180.0 / DT)):

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from muro_zenoh.arcs import advance
 from muro_zenoh.control.path_tracking import (
     FollowStep,
     Progress,
@@ -20,7 +21,7 @@ from muro_zenoh.control.path_tracking import (
     path_error,
 )
 from muro_zenoh.control.speed_profile import SpeedProfile
-from muro_zenoh.geometry import Pose2, advance, wrap_to_pi
+from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.planning.dubins import plan
 from muro_zenoh.planning.path import Path, Segment
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from muro_zenoh.arcs import advance
 from muro_zenoh.control.path_tracking import TrackingGains
 from muro_zenoh.control.ride import RideSettings, is_at, ride_on, set_out, turn_on_the_spot
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import Pose2, advance, wrap_to_pi
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.rounds import Round, next_round
 

@@ -11,7 +11,7 @@ import pytest
 from benchmarks import convergence, pursuit
 from muro_zenoh.control.circle import circle_law
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.control.pursuit import PursuitLaw
+from muro_zenoh.control.pursuit import pursuit_law
 from muro_zenoh.geometry import Circle
 from muro_zenoh.simulation.rollout.runs import follow_circle, pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import NOISY, LoopSettings
@@ -73,7 +73,7 @@ def test_the_density_asked_for_comes_out_of_the_whole_loop() -> None:
     circle = Circle(0.0, 0.0, 0.8)
     phi = np.random.default_rng(1).uniform(0.0, 1.0, (4, 3))
     starts = np.stack((0.8 * np.cos(phi), 0.8 * np.sin(phi), phi + circle.sigma * math.pi / 2), axis=-1)
-    law = PursuitLaw("importance", importance=wanted)
+    law = pursuit_law("importance", importance=wanted)
     run = pursue_ring(starts, circle, law, circle_law(), NOISY, np.random.default_rng(2), 220.0)
     settled = run.time > 40.0
     assert run.radius_error[settled].max() < 0.03

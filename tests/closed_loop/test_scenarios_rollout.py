@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from agents.tasks.coverage import CoverageParameters
-from agents.tasks.dubins import DubinsParameters
-from agents.tasks.pursuit import PursuitParameters
-from agents.tasks.steer import SteerParameters
-from muro_zenoh.config import Scenario, parameters_as
-from muro_zenoh.control.point_forward import GoToGoal
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.behaviours import table
+from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind
+from muro_zenoh.config import Scenario, make_behaviour, read_parameters
+from muro_zenoh.control.circle import CircleLaw
 from muro_zenoh.planning.density import Peaks
-from muro_zenoh.planning.destination import Destination
 from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
 from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking
-from muro_zenoh.simulation.rollout.drives import DriveRun, deploy, ride_to_goals, steer_to_goals
+from muro_zenoh.simulation.rollout.behave import BehaviourRun, run_behaviours
 from muro_zenoh.simulation.rollout.runs import pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import NOISY
 from muro_zenoh.simulation.starts import random_starts
@@ -31,69 +28,74 @@ EVERY = 4  # of the plant's moves: ten a second, as a run is sampled
 
 def starts_of(scenario: Scenario, rng: np.random.Generator) -> np.ndarray:
     count = len(scenario.robots)
-    return random_starts(rng, count, scenario.arena.bounds, np.full(count, 0.177))
+    return random_starts(rng, count, scenario.arena, np.full(count, 0.177))
 
 
-def bounds_of(scenario: Scenario) -> Bounds:
-    a = scenario.arena
-    return Bounds(a.x_min, a.x_max, a.y_min, a.y_max)
+def kind_of(scenario: Scenario) -> BehaviourKind:
+    kind = table.find(scenario.behaviour.name)
+    assert isinstance(kind, BehaviourKind)
+    return kind
 
 
-def destinations(scenario: Scenario) -> list[list[Destination]]:
-    return [[Destination(*row) for row in scenario.goals[name]] for name in scenario.robots]
+def parameters_of(scenario: Scenario) -> Any:
+    return read_parameters(kind_of(scenario), scenario.behaviour.parameters, scenario.name)
 
 
-def bodies(run: DriveRun, robot: int) -> list[Moment]:
+def behaviours_of(scenario: Scenario) -> list[Behaviour]:
+    """What the agents of a scenario run."""
+    return [
+        make_behaviour(kind_of(scenario), scenario.behaviour_of(name).parameters, scenario.vehicle(name), "test")
+        for name in scenario.robots
+    ]
+
+
+def run(scenario: Scenario, seed: int, seconds: float) -> BehaviourRun:
+    rng = np.random.default_rng(seed)
+    return run_behaviours(starts_of(scenario, rng), behaviours_of(scenario), None, LOOP, rng, seconds)
+
+
+def bodies(run: BehaviourRun, robot: int) -> list[Moment]:
     samples = zip(run.time[::EVERY], run.pose[::EVERY, robot], run.twist[::EVERY, robot], strict=True)
     return [Moment(float(t), Body(*pose.tolist(), *twist.tolist())) for t, pose, twist in samples]
 
 
 def test_dubins() -> None:
     scenario = find_scenario("dubins", 8, {})
-    wanted = parameters_as(DubinsParameters, scenario.behaviour.parameters, "dubins")
-    ride = wanted.ride(scenario.robot["r1"], bounds_of(scenario))
-    rng = np.random.default_rng(1)
-    starts = starts_of(scenario, rng)
-    run = ride_to_goals(starts, destinations(scenario), ride, wanted.pause, LOOP, rng, scenario.duration)
+    done = run(scenario, 1, scenario.duration)
+    v_min = parameters_of(scenario).ride.profile.v_min
     errors: list[float] = []
     for k, name in enumerate(scenario.robots):
-        track = bodies(run, k)
+        track = bodies(done, k)
         for row in score_goals(scenario.goals[name], track):
             assert row["reached_s"] is not None
             assert row["distance_m"] <= 0.05
             assert row["theta"] is None or row["heading_rad"] <= 0.1745
-        tracked = score_tracking([Planned(t, path) for t, path in run.paths[k]], track)
+        tracked = score_tracking([Planned(t, path) for t, path in done.paths[k]], track)
         errors += tracked.errors
         assert tracked.peak is not None
-        assert tracked.peak >= 2 * wanted.v_min
+        assert tracked.peak >= 2 * v_min
     assert np.quantile(errors, 0.95) <= 0.03
 
 
 def test_point_forward_steering() -> None:
     scenario = find_scenario("steer", 8, {})
-    p = parameters_as(SteerParameters, scenario.behaviour.parameters, "steer")
-    law = GoToGoal(p.speed, p.ahead, p.slope, p.tolerance, p.reverse_from)
-    rng = np.random.default_rng(1)
-    starts = starts_of(scenario, rng)
-    run = steer_to_goals(starts, destinations(scenario), law, p.pause, LOOP, rng, scenario.duration)
+    done = run(scenario, 1, scenario.duration)
     for k, name in enumerate(scenario.robots):
-        for row in score_goals(scenario.goals[name], bodies(run, k)):
+        for row in score_goals(scenario.goals[name], bodies(done, k)):
             assert row["reached_s"] is not None
             assert row["distance_m"] <= 0.05
 
 
 def deployed(seed: int, peaks: tuple[tuple[float, float, float, float], ...], seconds: float) -> Deployed:
-    scenario = find_scenario("coverage", None, {})
-    wanted = parameters_as(CoverageParameters, scenario.behaviour.parameters, "coverage")
-    floor = bounds_of(scenario)
-    density = Peaks(peaks, wanted.floor) if peaks else None
-    ride = wanted.ride(scenario.robot["r1"], floor)
-    rng = np.random.default_rng(seed)
-    starts = starts_of(scenario, rng)
-    run = deploy(starts, floor, density, ride, wanted.hold_time, wanted.stay_within, LOOP, rng, seconds)
-    tracks = [bodies(run, k) for k in range(len(starts))]
+    overrides = {"behaviour.peaks": [list(peak) for peak in peaks]} if peaks else {}
+    scenario = find_scenario("coverage", None, overrides)
+    wanted = parameters_of(scenario)
+    assert isinstance(wanted.density(), Peaks) == bool(peaks)
+    done = run(scenario, seed, seconds)
+    tracks = [bodies(done, k) for k in range(len(scenario.robots))]
     fleet = [(row[0].t, {f"r{k}": moment.body for k, moment in enumerate(row)}) for row in zip(*tracks, strict=True)]
-    return score_deployment(Deployment(floor, density, wanted.hold_time), fleet, len(starts))
+    floor = scenario.vehicle("r1").arena
+    return score_deployment(Deployment(floor, wanted.density(), wanted.hold_time), fleet, len(tracks))
 
 
 def test_coverage() -> None:
@@ -120,16 +122,15 @@ def test_coverage_gathers_where_it_matters() -> None:
 @pytest.mark.parametrize(("robots", "window"), [(1, 76.0), (3, 51.0), (5, 51.0)])
 def test_importance(robots: int, window: float) -> None:
     scenario = find_scenario("importance", robots, {})
-    wanted = parameters_as(PursuitParameters, scenario.behaviour.parameters, "importance")
+    wanted = parameters_of(scenario)
     law = wanted.pursuit_law()
-    assert law.importance is not None
-    circle = scenario.circle.circle
+    circle = scenario.circle
     rng = np.random.default_rng(1)
     starts = starts_of(scenario, rng)[None]
-    run = pursue_ring(starts, circle, law, wanted.circle_law(), LOOP, rng, window + 20.0)
-    (settled,) = settling_time(run.time, run.radius_error > 0.03)
+    done = pursue_ring(starts, circle, law, CircleLaw(wanted.law), LOOP, rng, window + 20.0)
+    (settled,) = settling_time(done.time, done.radius_error > 0.03)
     assert settled <= 20.0
-    angles = run.angle[run.time > 20.0].ravel()
+    angles = done.angle[done.time > 20.0].ravel()
     places = [(circle.x + math.cos(a), circle.y + math.sin(a)) for a in angles.tolist()]
     error = density_error(places, circle, law.importance)
     assert error is not None

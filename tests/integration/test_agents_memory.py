@@ -103,7 +103,7 @@ async def test_circle_follows_the_velocity_that_any_other_process_says() -> None
         await say(0.3, 3.0)
         assert fleet.speed("r1") == pytest.approx(0.3, abs=0.015)
         # Who said a speed and falls silent is not replaced by the default one.
-        await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 1.5, "it holds")
+        await fleet.until(lambda: fleet.holds("r1", "no velocity for"), 1.5, "it holds")
         assert fleet.commanded("r1") == (0.0, 0.0)
         await say(0.2, 2.0)
         assert fleet.speed("r1") == pytest.approx(0.2, abs=0.015)
@@ -140,7 +140,7 @@ async def test_a_fix_becomes_a_command_at_once_and_the_estimate_ticks_on_without
         arrived = [fix.arrival for fix in fixes.drain()]
         assert len(arrived) == 40
         assert all(arrival in sent for arrival in arrived)  # no timer between pose and command
-        assert 20 <= len(estimates.drain()) / 2.0 <= 50
+        assert len(estimates.drain()) == 40  # and no estimate between two fixes
         numbers, samples = fleet.healths["r1"].numbers, fleet.healths["r1"].samples
         assert numbers["command_rate_hz"] == pytest.approx(len(sent) / 2.0, abs=3.0)
         assert samples["pose_to_command_s"] == pytest.approx([0.0] * 20, abs=1e-6)
@@ -149,7 +149,7 @@ async def test_a_fix_becomes_a_command_at_once_and_the_estimate_ticks_on_without
         await asyncio.sleep(0.2)
         estimates.drain()
         await asyncio.sleep(1.0)
-        assert 20 <= len(estimates.drain()) <= 30
+        assert 12 <= len(estimates.drain()) <= 14  # a fix is overdue after 1.5 periods
 
 
 # ---- cyclic pursuit
@@ -217,17 +217,17 @@ async def test_pursuit_holds_when_the_positions_are_silent() -> None:
     async with memory_fleet(scenario(2, "pursuit")) as fleet:
         await fleet.until(lambda: len(fleet.driving) == 2, 3, "everybody drives")
         fleet.silence(channels.ALL_POSITIONS)
-        await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 2.5, "it holds")
+        await fleet.until(lambda: fleet.holds("r1", "no positions for"), 1.0, "it holds")
         await fleet.until(lambda: not fleet.driving, 1, "all stand")
 
 
 @virtual
 async def test_a_velocity_that_cannot_come_means_hold() -> None:
-    """A robot alone, with no snapshot ever: pursuit never says a speed, and path following invents none."""
+    """A robot alone, with no snapshot ever: pursuit chooses no speed, and path following invents none."""
     async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:
         fleet.silence(channels.ALL_POSITIONS)
         await fleet.start_agent("r1")
-        await fleet.until(lambda: fleet.holds("r1", "the velocity is silent"), 2, "it holds")
+        await fleet.until(lambda: fleet.holds("r1", "no positions received yet"), 2, "it holds")
         await asyncio.sleep(1.0)
         assert fleet.commanded("r1") == (0.0, 0.0)
 
@@ -320,7 +320,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
 @pytest.mark.parametrize(
     ("behaviour", "parameters", "reason"),
     [
-        ("fly", {}, "got 'fly', expected one of circle, pursuit"),
+        ("fly", {}, "got 'fly', expected one of circle, coverage"),
         ("nolab.swarm:flock", {}, "No module named 'nolab'"),
         ("circle", {"sped": 0.2}, "behaviour.sped: got a key that nothing reads"),
         ("circle", {"speed": "fast"}, "behaviour.speed: got 'fast' (text), expected a number at least 0"),
@@ -333,8 +333,8 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
         ("dubins", {"turning_radius": 0}, "behaviour.turning_radius: got 0"),
         ("dubins", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
         ("steer", {"reverse_from": 0.1}, "behaviour.reverse_from: got 0.1"),
-        ("coverage", {"peaks": ((0.5, 0.5),)}, "behaviour.peaks: got 2 numbers"),
-        ("coverage", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
+        ("coverage", {"peaks": ((0.5, 0.5),)}, "behaviour.peaks[0]: got 2 numbers"),
+        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got a key that nothing reads"),
     ],
 )
 def test_a_wrong_behaviour_leaves_the_robot_standing_with_the_reason(

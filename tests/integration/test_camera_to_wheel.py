@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from contextlib import AsyncExitStack
+from typing import Any
 
 import pytest
 
@@ -32,12 +34,17 @@ LAB = parse_scenario(
 )
 
 
+async def at_once(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function on the loop: virtual time has no threads."""
+    return function(*arguments)
+
+
 def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> None:
     async def main() -> None:
         network, clock = MemoryNetwork(), VirtualClock()
         async with AsyncExitStack() as stack:
             buses = [await stack.enter_async_context(make_bus(network.link(), clock=clock)) for _ in range(5)]
-            room = Room(buses[0], LAB, seed=3)
+            room = Room(buses[0], LAB, seed=3, off_loop=at_once)
             station = Station(buses[1], LAB, None, cameras_on_bus(buses[1], LAB, InlineExecutor()))
             mains = [room.run(), station.run()]
             for bus, name in zip(buses[2:4], LAB.robots, strict=True):
@@ -71,7 +78,7 @@ def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> Non
                 for task in tasks:
                     task.cancel()
                 await asyncio.wait(tasks)
-            assert room._floor.commands.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+            assert room.floor.commands.tolist() == [[0.0, 0.0], [0.0, 0.0]]
 
     run_virtually(main())
 

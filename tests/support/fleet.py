@@ -19,6 +19,7 @@ import zenoh
 
 from muro_zenoh import channels
 from muro_zenoh.config import BusSettings, as_table, parse_scenario
+from muro_zenoh.control import ring
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Message, Reply, Truth, VelocityCommand
 from muro_zenoh.transport import Bus, Received, open_bus
@@ -59,7 +60,7 @@ class RealFleet:
         """Start processes side by side, and wait until all are ready."""
         commands = {
             "router": [str(CHILDREN / "router.py"), self.endpoint],
-            "simulator": ["-m", "agents.simulator", str(self._file), "--seed", str(self._seed)],
+            "simulator": ["-m", "muro_zenoh.cli.main", "sim", str(self._file), "--seed", str(self._seed)],
             "basestation": ["-m", "basestation.station", str(self._file), "--state", str(self._state)],
         }
         for name in names:
@@ -203,9 +204,8 @@ class RealFleet:
         names = names or self.robots
         if circle is None or not set(names) <= set(truth):
             return math.inf
-        angles = sorted(math.atan2(truth[n].y - circle.y, truth[n].x - circle.x) for n in names)
-        gaps = [(b - a) % math.tau for a, b in zip(angles, [*angles[1:], angles[0]], strict=True)]
-        return max(abs(gap - math.tau / len(names)) for gap in gaps)
+        places = {name: (truth[name].x, truth[name].y) for name in names}
+        return ring.spacing_error(ring.angles_round(places, circle))
 
     async def ring(self, names: tuple[str, ...] = (), limit: float = 90.0) -> None:
         """Wait until these robots (all) are spread evenly on the circle, and stay so for a second.

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from agents.agent import Agent
-from agents.base.base import run_base
+from agents.base.run import run_base
 from agents.base.simulated import Floor, SimulatedWheels
 from basestation.fleet.state_store import StateStore
 from basestation.localization.sightings import Sighting, Sightings
@@ -19,6 +19,7 @@ from basestation.station import Station
 from muro_zenoh import channels
 from muro_zenoh.channels import Channel, Verb
 from muro_zenoh.config import Scenario, parse_scenario
+from muro_zenoh.control import ring
 from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, Message, Reply
 from muro_zenoh.runtime.virtual_time import VirtualClock
@@ -118,7 +119,7 @@ class MemoryFleet:
         self.clock = VirtualClock()
         self.agents: dict[str, asyncio.Task[None]] = {}
         rng = np.random.default_rng(seed)
-        starts = random_starts(rng, len(lab.robots), lab.arena.bounds, np.full(len(lab.robots), 0.177))
+        starts = random_starts(rng, len(lab.robots), lab.arena, np.full(len(lab.robots), 0.177))
         self.plant = Plant(starts, rng)
         self.floor = Floor(self.plant, self.clock)
         self.camera = SimulatedSightings(self.floor, lab.robots, rng)
@@ -247,11 +248,9 @@ class MemoryFleet:
 
     def spacing_error(self, names: list[str] | None = None) -> float:
         """Largest |gap - 2 pi / N| round the circle [rad]."""
-        c = self.circle
-        rows = [self.scenario.robots.index(name) for name in names or self.scenario.robots]
-        angles = sorted(math.atan2(self.plant.pose[i, 1] - c.y, self.plant.pose[i, 0] - c.x) for i in rows)
-        gaps = [(b - a) % math.tau for a, b in zip(angles, [*angles[1:], angles[0]], strict=True)]
-        return max(abs(gap - math.tau / len(rows)) for gap in gaps)
+        poses = dict(zip(self.scenario.robots, self.plant.pose.tolist(), strict=True))
+        places = {name: (poses[name][0], poses[name][1]) for name in names or self.scenario.robots}
+        return ring.spacing_error(ring.angles_round(places, self.circle))
 
 
 @asynccontextmanager

@@ -11,7 +11,8 @@ import msgspec
 import pytest
 import pytest_asyncio
 
-from agents.base.base import DEAD_MAN, run_base
+from agents.base.base import DEAD_MAN
+from agents.base.run import run_base
 from agents.base.wheels import WheelReading
 from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
@@ -192,7 +193,7 @@ async def test_who_is_commanded_by_two_stands(lab: Lab, caplog: pytest.LogCaptur
             await lab.command(0.2, 0.0)
             assert set(lab.wheels.told[told:]) == {(0.0, 0.0)}
     assert [r.message for r in caplog.records if "two processes" in r.message] == [
-        "r1: two processes command these wheels, which stand: is an agent running twice?"
+        "r1: two processes command these wheels, which are stopped: is an agent running twice?"
     ]
     for _ in range(3):  # one alone is obeyed again
         lab.clock.advance(0.1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import asyncio
 import sys
 from collections.abc import Iterator
@@ -9,9 +10,23 @@ from pathlib import Path
 
 import pytest
 
-from agents.behaviours import BUILT_IN, check_behaviour, load_behaviour
+from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.entry_points import load_function
+from muro_zenoh.behaviours.interface import BehaviourKind
+from muro_zenoh.behaviours.table import OwnBehaviour
+from muro_zenoh.config import check_behaviour, check_settings, parse_scenario
 from muro_zenoh.errors import BehaviourError, ConfigError
+from muro_zenoh.geometry import Circle
+
+ROOT = Path(__file__).parents[2]
+FLEET = [parse_scenario({"robots": 5}, "lab.toml", name="lab").vehicle(f"r{k + 1}") for k in range(5)]
+CIRCLE = Circle(0.0, 0.0, 0.8)
+
+
+def refuse(name: str, parameters: dict[str, object], circle: Circle = CIRCLE) -> None:
+    """Raise for what no robot could do, as a base station and a run do before anything starts."""
+    check_settings(name, parameters, "lab.toml", FLEET, circle)
+    check_behaviour(name, parameters, "lab.toml", FLEET)
 
 
 @pytest.fixture
@@ -28,34 +43,47 @@ def module(folder: Path, name: str, text: str) -> None:
     (folder / f"{name}.py").write_text(text)
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
-def test_the_built_in_ones_come_through_the_same_door(name: str) -> None:
-    assert load_behaviour(name) is load_behaviour(BUILT_IN[name])
+@pytest.mark.parametrize("name", table.names())
+def test_a_file_of_the_package_is_a_behaviour_and_its_name_is_the_files(name: str) -> None:
+    kind = table.find(name)
+    assert isinstance(kind, BehaviourKind)
+    assert kind.summary
+    assert kind.make.__module__ == f"muro_zenoh.behaviours.{name}"
+    assert (Path(table.__file__).parent / f"{name}.py").is_file()
 
 
-def test_a_users_own_comes_in(lab: Path) -> None:
-    module(lab, "swarm", "async def flock(robot):\n    robot.append('flocked')\n")
-    done: list[str] = []
-    asyncio.run(load_behaviour("swarm:flock")(done))  # type: ignore[arg-type]  # anything will do for a robot
-    assert done == ["flocked"]
+def test_the_package_holds_what_the_reports_have() -> None:
+    assert set(table.names()) >= {"circle", "pursuit", "dubins", "coverage", "steer", "hold"}
+    assert table.DEFAULT == "hold"
 
 
-@pytest.mark.parametrize("name", ["", "fly", "Circle", "circle ", "agents.tasks.hold"])
+def test_a_users_own_is_found(lab: Path) -> None:
+    module(lab, "swarm", "async def flock(robot):\n    robot.append('flocked')\ndef still(robot):\n    return 0, 0\n")
+    found: list[str] = []
+    flock, still = table.find("swarm:flock"), table.find("swarm:still")
+    assert isinstance(flock, OwnBehaviour)
+    assert isinstance(still, OwnBehaviour)
+    assert (flock.is_async, still.is_async) == (True, False)
+    asyncio.run(flock.function(found))
+    assert found == ["flocked"]
+
+
+@pytest.mark.parametrize("name", ["", "fly", "Circle", "circle ", "muro_zenoh.behaviours.hold", "table"])
 def test_a_name_that_is_none_lists_those_that_are(name: str) -> None:
-    with pytest.raises(BehaviourError, match=r"expected one of circle, pursuit, .* or your own as module:function"):
-        load_behaviour(name)
+    with pytest.raises(BehaviourError, match=r"expected one of circle, coverage, .* or your own as module:function"):
+        table.find(name)
 
 
 def test_a_module_that_is_not_there_says_where_it_was_looked_for() -> None:
     with pytest.raises(BehaviourError, match=r"'nolab.swarm:flock': No module named 'nolab'; .*PYTHONPATH"):
-        load_behaviour("nolab.swarm:flock")
+        table.find("nolab.swarm:flock")
 
 
 @pytest.mark.parametrize("name", [":flock", "swarm:", "..swarm:flock", "sw arm:flock", ":", "swarm:flock:more"])
 def test_half_a_name_is_an_error_that_names_it(name: str, lab: Path) -> None:
     module(lab, "swarm", "async def flock(robot): ...\n")
     with pytest.raises(BehaviourError, match=name):
-        load_behaviour(name)
+        table.find(name)
 
 
 @pytest.mark.parametrize(
@@ -67,18 +95,18 @@ def test_half_a_name_is_an_error_that_names_it(name: str, lab: Path) -> None:
         ("def flock(robot:\n", "importing swarm failed: SyntaxError"),
         ("raise SystemExit(3)\n", r"importing swarm failed: SystemExit\(3\)"),
         ("flock = 'birds'\n", "got 'birds', expected a function"),
-        ("def flock(robot): ...\n", r"expected `async def f\(robot\)`"),
-        ("async def flock(): ...\n", r"expected `async def f\(robot\)`"),
-        ("async def flock(robot, more): ...\n", r"expected `async def f\(robot\)`"),
-        ("class flock: ...\n", r"expected `async def f\(robot\)`"),
-        ("async def flock(robot):\n    yield 1\n", r"expected `async def f\(robot\)`"),
-        ("flock = print\n", r"expected `async def f\(robot\)`"),
+        ("def flock(robot):\n    yield 1\n", r"expected `def f\(robot\)` or"),
+        ("async def flock(): ...\n", r"expected `def f\(robot\)` or `async def f\(robot\)`"),
+        ("async def flock(robot, more): ...\n", r"expected `def f\(robot\)` or `async def f\(robot\)`"),
+        ("class flock: ...\n", r"expected `def f\(robot\)` or `async def f\(robot\)`"),
+        ("async def flock(robot):\n    yield 1\n", r"expected `def f\(robot\)` or `async def f\(robot\)`"),
+        ("flock = print\n", r"expected `def f\(robot\)` or `async def f\(robot\)`"),
     ],
 )
 def test_what_is_no_behaviour_says_why(lab: Path, text: str, reason: str) -> None:
     module(lab, "swarm", text)
     with pytest.raises(BehaviourError, match=reason):
-        load_behaviour("swarm:flock")
+        table.find("swarm:flock")
 
 
 def test_functions_that_settings_name_come_through_a_door_too() -> None:
@@ -93,8 +121,15 @@ def test_functions_that_settings_name_come_through_a_door_too() -> None:
         ("spiral", {}, ["lab.toml: behaviour.name", "'spiral'", "pursuit"]),
         ("nomod:fn", {}, ["lab.toml: behaviour.name", "'nomod:fn'", "nomod"]),
         ("pursuit", {"criuse": 0.2}, ["lab.toml: behaviour.criuse", "cruise"]),
-        ("pursuit", {"cruise": 9.0}, ["lab.toml: behaviour", "v_max", "cruise 9.0"]),
-        ("circle", {"law": "magic"}, ["lab.toml: behaviour", "'magic'", "vector_field"]),
+        ("pursuit", {"cruise": 9.0}, ["lab.toml: behaviour.cruise", "v_max", "got 9"]),
+        ("circle", {"law": "magic"}, ["lab.toml: behaviour.law", "'magic'", "vector_field"]),
+        ("dubins", {"v_min": 0.5}, ["lab.toml: behaviour", "v_min", "v_max"]),
+        ("dubins", {"v_min": 0.6, "v_max": 0.7}, ["lab.toml: behaviour.v_min", "at most the v_max of robot r1"]),
+        ("dubins", {"goals": [[9.0, 0.0]]}, ["lab.toml: behaviour.goals[0]", "(9, 0)", "inside the arena"]),
+        ("steer", {"goals": [[1.0]]}, ["lab.toml: behaviour.goals[0]", "1 numbers"]),
+        ("pursuit", {"pursuit": "importance"}, ["lab.toml: behaviour", "importance table", "0 angles"]),
+        ("pursuit", {"pursuit": "importance", "importance": "nolab:w"}, ["lab.toml: behaviour", "nolab"]),
+        ("coverage", {"peaks": [[1.0, 2.0]]}, ["lab.toml: behaviour.peaks[0]", "2 numbers"]),
         ("circle", {"speed": "fast"}, ["lab.toml: behaviour.speed", "'fast'", "[m/s]"]),
         ("dubins", {"v_min": -1.0}, ["lab.toml: behaviour.v_min", "-1", "above 0"]),
     ],
@@ -103,19 +138,49 @@ def test_what_no_robot_could_run_is_refused_before_anything_starts(
     name: str, parameters: dict[str, object], words: list[str]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
-        check_behaviour(name, parameters, "lab.toml")
+        refuse(name, parameters)
     for word in words:
         assert word in str(refused.value)
 
 
 def test_each_circle_law_takes_its_own_gains_from_the_settings() -> None:
-    check_behaviour("circle", {"law": "lqr", "radial_size": 0.05, "heading_size": 0.3, "turn_size": 1.0}, "lab.toml")
-    check_behaviour("circle", {"law": "passivity", "psi": 0.6}, "lab.toml")
-    check_behaviour("circle", {"k_o": 10.0, "k_h": 2.0}, "lab.toml")
+    refuse("circle", {"law": "lqr", "radial_size": 0.05, "heading_size": 0.3, "turn_size": 1.0})
+    refuse("circle", {"law": "passivity", "psi": 0.6})
+    refuse("circle", {"k_o": 10.0, "k_h": 2.0})
     with pytest.raises(ConfigError, match="psi"):
-        check_behaviour("circle", {"law": "lqr", "psi": 0.6}, "lab.toml")
+        refuse("circle", {"law": "lqr", "psi": 0.6})
 
 
 def test_every_built_in_behaviour_can_run_as_it_is() -> None:
-    for name in BUILT_IN:
-        check_behaviour(name, {}, "lab.toml")
+    for name in table.names():
+        refuse(name, {})
+
+
+def test_a_circle_that_a_ring_does_not_fit_on_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"lab.toml: circle.radius: got 5 robots on a circle of 0.2 m, .* 0.30 m"):
+        refuse("pursuit", {}, Circle(0.0, 0.0, 0.2))
+    refuse("circle", {}, Circle(0.0, 0.0, 0.2))  # each may be anywhere on it
+    with pytest.raises(ConfigError, match=r"lab.toml: circle.radius: got 1.4 m round \(0, 0\)"):
+        refuse("circle", {}, Circle(0.0, 0.0, 1.4))
+
+
+def test_a_behaviour_is_named_in_its_own_file_only() -> None:
+    """By its name as a text, wherever a behaviour is meant; "circle" is also a channel's and a section's,
+    "coverage" a row of the score sheet."""
+    other_meanings = {
+        "muro_zenoh/channels": {"circle"},
+        "muro_zenoh/config": {"circle"},
+        "muro_zenoh/cli": {"circle", "coverage"},
+        "muro_zenoh/scoring": {"coverage"},
+        "muro_zenoh/behaviours/interface.py": {"circle"},
+    }
+    found = []
+    for package in ("muro_zenoh", "agents", "basestation"):
+        for path in (ROOT / package).rglob("*.py"):
+            relative = str(path.relative_to(ROOT))
+            allowed = {name for start, words in other_meanings.items() if relative.startswith(start) for name in words}
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                name = node.value if isinstance(node, ast.Constant) else None
+                if isinstance(name, str) and name in table.names() and name not in allowed:
+                    found.append(f"{relative}:{node.lineno}: {name!r}")
+    assert not found

@@ -4,16 +4,16 @@ import cv2
 import numpy as np
 import pytest
 
-from muro_zenoh.geometry import TagMount, straight_down_view
+from muro_zenoh.geometry import Bounds, TagMount, straight_down_view
 from muro_zenoh.simulation.camera import BODY, OverheadCamera, encode_jpeg
 from muro_zenoh.simulation.tag_print import BLACK, WHITE, corners_in_world
 
 WIDTH, HEIGHT = 640, 480
-ROOM = (-1.6, -1.2, 1.6, 1.2)  # 200 px a metre, the world's origin at pixel (319.5, 239.5)
+ROOM = Bounds(-1.6, 1.6, -1.2, 1.2)  # 200 px a metre, the world's origin at pixel (319.5, 239.5)
 
 
 def camera(**settings: object) -> OverheadCamera:
-    return OverheadCamera.from_views(WIDTH, HEIGHT, straight_down_view(*ROOM, WIDTH, HEIGHT), **settings)  # type: ignore[arg-type]
+    return OverheadCamera.from_views(WIDTH, HEIGHT, straight_down_view(ROOM, WIDTH, HEIGHT), **settings)  # type: ignore[arg-type]
 
 
 def picture_of(x: float, y: float, theta: float, mount: TagMount, *, radius: float = 0.2, **settings: object):  # type: ignore[no-untyped-def]
@@ -28,7 +28,7 @@ class TestStraightDownView:
 
     def test_sees_the_whole_rectangle_with_its_margin_whatever_the_shape(self) -> None:
         for width, height in ((1280, 720), (480, 640)):
-            views = straight_down_view(0.0, 0.0, 4.0, 3.0, width, height, margin=0.25)
+            views = straight_down_view(Bounds(0.0, 4.0, 0.0, 3.0), width, height, margin=0.25)
             scale = (views[1].u - views[0].u) / 4.0
             assert (views[0].v - views[3].v) / 3.0 == pytest.approx(scale)  # square pixels
             for view in views:
@@ -139,7 +139,7 @@ class TestRender:
         wide = OverheadCamera.from_views(
             WIDTH + 200,
             HEIGHT + 200,
-            [v._replace(u=v.u + 100, v=v.v + 100) for v in straight_down_view(*ROOM, WIDTH, HEIGHT)],
+            [v._replace(u=v.u + 100, v=v.v + 100) for v in straight_down_view(ROOM, WIDTH, HEIGHT)],
             noise=0.0,
             blur=0.0,
         )
@@ -170,14 +170,14 @@ class TestSettings:
             OverheadCamera(10, 10, np.eye(3), noise=99.0)
 
     def test_refuses_views_that_fix_no_camera(self) -> None:
-        views = straight_down_view(*ROOM, WIDTH, HEIGHT)
+        views = straight_down_view(ROOM, WIDTH, HEIGHT)
         with pytest.raises(ValueError, match="3 views"):
             OverheadCamera.from_views(WIDTH, HEIGHT, views[:3])
         with pytest.raises(ValueError, match="no homography"):
             OverheadCamera.from_views(WIDTH, HEIGHT, [views[0]] * 4)
 
     def test_a_tag_has_a_size(self) -> None:
-        with pytest.raises(ValueError, match=r"size -0\.1"):
+        with pytest.raises(ValueError, match=r"size: got -0\.1, expected a number above 0 \[m\]"):
             TagMount(0, -0.1)
 
 

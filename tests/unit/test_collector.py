@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
-from muro_zenoh import channels
+from muro_zenoh import channels, geometry
 from muro_zenoh.messages import Calibration, Circle, Health, Truth
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.sheet import Observed
@@ -151,7 +151,7 @@ async def test_the_circle_is_the_one_that_holds(lab: Lab) -> None:
     assert lab.collector.circle.radius == 0.8
     lab.bus("basestation").publisher(channels.CIRCLE).put(Circle(x=0.1, y=0.0, radius=0.9, clockwise=True))
     await lab.settle()
-    assert lab.collector.circle == (0.1, 0.0, 0.9, True)
+    assert lab.collector.circle == geometry.Circle(0.1, 0.0, 0.9, True)
 
 
 async def test_calibrations_are_looked_at_after_ten_seconds_on_the_circle(lab: Lab) -> None:

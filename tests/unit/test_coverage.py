@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.planning.coverage import (
     Peaks,
     Point,

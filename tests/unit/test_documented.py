@@ -14,7 +14,7 @@ import pytest
 
 import muro_zenoh
 
-LAWS = ("control", "planning", "estimation", "safety", "simulation", "geometry")
+LAWS = ("control", "planning", "estimation", "safety", "simulation", "arcs", "geometry")
 
 
 def _modules() -> list[str]:
@@ -59,6 +59,8 @@ def _undocumented(thing: Any) -> list[str]:
     text = inspect.getdoc(thing) or ""
     if inspect.isclass(thing) and not dataclasses.is_dataclass(thing) and not hasattr(thing, "_fields"):
         text += "\n" + (inspect.getdoc(thing.__init__) or "")
+    if inspect.isclass(thing):  # inherited fields are documented where they are declared
+        text += "\n".join(["", *(inspect.getdoc(base) or "" for base in thing.__mro__[1:-1])])
     # An entry under Args or Attributes; or, in a small value, the field's name as ``x`` in the sentence.
     return [
         name

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from muro_zenoh.elementwise import Array
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import Pose2, wrap_to_pi
+from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
 from muro_zenoh.planning.arena import plan_after_turn, plan_inside, require_goal_inside, require_path_inside
-from muro_zenoh.planning.bounds import Bounds
 from muro_zenoh.planning.destination import goal_heading, goal_pose
 from muro_zenoh.planning.dubins import WORDS, all_words, plan, shortest_word
 from muro_zenoh.planning.path import Path, Segment

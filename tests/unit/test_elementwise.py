@@ -41,6 +41,7 @@ ONE = {
     "cos": numbers,
     "tan": st.floats(-1.5, 1.5),
     "atan": numbers,
+    "sinc": numbers,
     "sqrt": st.floats(0.0, 1e3),
     "exp": st.floats(-50.0, 50.0),
     "log": st.floats(1e-3, 1e3),

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from muro_zenoh.channels import CHANNELS
 from muro_zenoh.cli.main import main
 from muro_zenoh.control.circle import CIRCLE_LAWS
-from muro_zenoh.control.pursuit import DEFAULT_GAINS
+from muro_zenoh.control.pursuit import PURSUIT_LAWS
 from muro_zenoh.errors import ConfigError, MissingExtra, MuroError
 from muro_zenoh.figures.catalogue import FIGURES, draw
 from muro_zenoh.figures.effort import Effort
@@ -107,7 +107,7 @@ def test_both_ends_of_every_channel_are_there() -> None:
                 assert name in programs, row.key
 
 
-@pytest.mark.parametrize("law", [*CIRCLE_LAWS, *DEFAULT_GAINS])
+@pytest.mark.parametrize("law", [*CIRCLE_LAWS, *PURSUIT_LAWS])
 def test_the_page_of_laws_names_every_law(law: str) -> None:
     assert f"`{law}`" in PAGE.read_text(encoding="utf-8")
 

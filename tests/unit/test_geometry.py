@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import (
     STILL,
     TWO_PI,
+    Bounds,
     Circle,
     Pose2,
     TagMount,
     Twist2,
-    advance,
     ccw_gap,
     straight_down_view,
     wrap_to_pi,
@@ -93,31 +94,33 @@ def test_forwards_is_along_the_heading() -> None:
     assert_same(Pose2(1.0, 2.0, math.pi / 2).compose(Pose2(1.0, 0.5, 0.1)), Pose2(0.5, 3.0, math.pi / 2 + 0.1))
 
 
-@given(poses, st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.0, 3.0), st.floats(0.0, 3.0))
-def test_two_steps_are_one(pose: Pose2, v: float, omega: float, first: float, second: float) -> None:
-    assert_same(advance(advance(pose, v, omega, first), v, omega, second), advance(pose, v, omega, first + second))
-
-
-@given(poses, st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.0, 3.0))
-def test_a_step_back_undoes_a_step(pose: Pose2, v: float, omega: float, dt: float) -> None:
-    assert_same(advance(advance(pose, v, omega, dt), -v, -omega, dt), pose)
-
-
-def test_a_whole_turn_ends_where_it_began() -> None:
-    start = Pose2(0.3, -0.2, 1.0)
-    assert_same(advance(start, 0.2, 0.5, TWO_PI / 0.5), start)
-
-
-@given(poses, st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
-def test_hardly_a_turn_is_a_straight_line(pose: Pose2, v: float, dt: float) -> None:
-    # on both sides of where the series takes over
-    for omega in (0.0, 1e-9, 0.6e-6, 0.7e-6, 3e-6):
-        assert_same(advance(pose, v, omega, dt), advance(pose, v, 0.0, dt), tolerance=3e-5)
-
-
 def test_the_circles_direction() -> None:
     assert Circle(0.0, 0.0, 1.0).sigma == 1.0
     assert Circle(0.0, 0.0, 1.0, clockwise=True).sigma == -1.0
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
+def test_a_circle_has_a_radius(radius: float) -> None:
+    with pytest.raises(ParameterError, match=r"radius: got .*, expected a number above 0 \[m\]"):
+        Circle(0.0, 0.0, radius)
+
+
+FLOOR = Bounds(-2.0, 1.0, 0.0, 1.5)
+
+
+@given(places, places)
+def test_what_is_inside_is_clear_of_the_walls(x: float, y: float) -> None:
+    assert FLOOR.holds(x, y, slack=0.0) == (FLOOR.clearance(x, y) >= 0.0)
+    assert FLOOR.holds(*FLOOR.nearest(x, y), slack=0.0)
+    assert FLOOR.shrunk(0.2).holds(x, y) == (FLOOR.clearance(x, y) >= 0.2 - 1e-9)
+
+
+def test_a_floor_that_is_shrunk_to_less_than_nothing_holds_nothing() -> None:
+    assert (FLOOR.width, FLOOR.height) == (3.0, 1.5)
+    assert not FLOOR.shrunk(0.8).holds(-0.5, 0.75)
+    assert not FLOOR.holds(math.nan, 0.5)
+    with pytest.raises(ParameterError, match="x_max: got nan"):
+        Bounds(0.0, math.nan, 0.0, 1.0)
 
 
 def test_still_is_still() -> None:
@@ -131,7 +134,7 @@ def test_a_tags_frame_in_the_base_frame() -> None:
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (720, 1280), (100, 100)])
 def test_a_view_straight_down_sees_the_whole_floor_with_square_pixels(width: int, height: int) -> None:
-    views = straight_down_view(-2.1, -1.5, 2.1, 1.5, width, height, margin=0.1)
+    views = straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), width, height, margin=0.1)
     assert [(view.x, view.y) for view in views] == [(-2.1, -1.5), (2.1, -1.5), (2.1, 1.5), (-2.1, 1.5)]
     across = (views[1].u - views[0].u) / 4.2
     up = (views[1].v - views[2].v) / 3.0

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from basestation.localization.homography import Homography
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.geometry import View, straight_down_view
+from muro_zenoh.geometry import Bounds, View, straight_down_view
 
 CORNERS = np.array([[-2.1, -1.5], [2.1, -1.5], [2.1, 1.5], [-2.1, 1.5]])
 
@@ -45,7 +45,7 @@ def test_four_points_give_back_every_place_of_a_tilted_camera(pitch: float, roll
 
 
 def test_straight_down_the_scale_is_one_everywhere() -> None:
-    homography = Homography.straight_down(-2.1, -1.5, 2.1, 1.5, 1280, 720, margin=0.1)
+    homography = Homography.fit(straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), 1280, 720, margin=0.1), camera="north")
     assert homography.to_metres(np.array([639.5, 359.5])) == pytest.approx([0.0, 0.0], abs=1e-6)
     slopes = homography.jacobian(np.array([[0.0, 0.0], [1279.0, 719.0]]))
     assert slopes == pytest.approx(np.array([[[1.0, 0.0], [0.0, -1.0]]] * 2) * 3.2 / 720, abs=1e-8)
@@ -91,7 +91,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("views", "problem"),
         [
-            (straight_down_view(0, 0, 4, 3, 640, 480)[:3], "3 points"),
+            (straight_down_view(Bounds(0, 4, 0, 3), 640, 480)[:3], "3 points"),
             ([View(10 * i, 20 * i, 0.1 * i, 0.2 * i) for i in range(6)], "in a line"),
             ([View(5, 5, 1, 1)] * 4, "in a line"),
             # Three of four in a line.
@@ -100,7 +100,7 @@ class TestRefusals:
             ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(150, 90, 2, 0), View(0, 100, 3, 0)], "in a line"),
             # Nearly so: a tenth of a pixel decides.
             ([View(0, 0, 0, 0), View(500, 0.05, 1, 0), View(1000, 0, 2, 0), View(500, 500, 1, -1)], "in a line"),
-            ([View(math.nan, 0, 0, 0), *straight_down_view(0, 0, 4, 3, 640, 480)], "nan"),
+            ([View(math.nan, 0, 0, 0), *straight_down_view(Bounds(0, 4, 0, 3), 640, 480)], "nan"),
         ],
     )
     def test_points_that_fix_no_homography_name_the_camera(self, views: list[View], problem: str) -> None:
@@ -109,12 +109,12 @@ class TestRefusals:
         assert str(refusal.value).startswith("camera north: points")
 
     def test_two_swapped_points_are_noticed(self) -> None:
-        a, b, c, d = straight_down_view(0, 0, 4, 3, 640, 480)
+        a, b, c, d = straight_down_view(Bounds(0, 4, 0, 3), 640, 480)
         swapped = [a, View(b.u, b.v, c.x, c.y), View(c.u, c.v, b.x, b.y), d]
         with pytest.raises(ConfigError, match="folded"):
             Homography.fit(swapped, camera="north")
 
     def test_y_measured_downwards_is_noticed(self) -> None:
-        mirrored = [view._replace(y=-view.y) for view in straight_down_view(0, 0, 4, 3, 640, 480)]
+        mirrored = [view._replace(y=-view.y) for view in straight_down_view(Bounds(0, 4, 0, 3), 640, 480)]
         with pytest.raises(ConfigError, match="mirrored"):
             Homography.fit(mirrored, camera="north")

@@ -9,12 +9,12 @@ from basestation.localization.localizer import Localizer, fit_squares
 from basestation.localization.markers import Marker, TagDetector
 from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
-from muro_zenoh.geometry import Pose2, TagMount, View, straight_down_view, wrap_to_pi
+from muro_zenoh.geometry import Bounds, Pose2, TagMount, View, straight_down_view, wrap_to_pi
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
 from muro_zenoh.simulation.tag_print import corners_in_world
 
 WIDTH, HEIGHT = 1280, 720
-VIEWS = straight_down_view(-2.1, -1.5, 2.1, 1.5, WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
+VIEWS = straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
 # Offsets unlike each other, so that a sign or an order that is wrong shows.
 MOUNTS = [TagMount(i, 0.16, x=0.012 * i - 0.05, y=0.04 - 0.009 * i, yaw=0.7 * i - 3.0) for i in range(10)]
 TAGS = {mount.id: (f"r{mount.id}", mount) for mount in MOUNTS}

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from basestation.localization.markers import Marker, TagDetector
-from muro_zenoh.geometry import TagMount, straight_down_view
+from muro_zenoh.geometry import Bounds, TagMount, straight_down_view
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
 
 PHOTOGRAPHS = Path(__file__).parents[2] / "../shared/data/tags"
 WIDTH, HEIGHT = 1280, 720
-VIEWS = straight_down_view(-2.1, -1.5, 2.1, 1.5, WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
+VIEWS = straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
 
 
 def scattered(rng: np.random.Generator, count: int) -> np.ndarray:

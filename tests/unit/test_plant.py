@@ -9,9 +9,10 @@ import pytest
 
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.estimation.wheel_model import WheelLimits
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.simulation.plant import Plant, random_starts
 
-ARENA = (0.0, 0.0, 4.2, 3.0)
+ARENA = Bounds(0.0, 4.2, 0.0, 3.0)
 IDEAL = WheelLimits(lag=0.0, a_max=1e9, alpha_max=1e9, brake=1e9)
 
 
@@ -134,4 +135,4 @@ def test_starts_that_cannot_be_are_refused_with_both_numbers() -> None:
     with pytest.raises(PlanningError, match=r"70 robots .* \d+ were placed"):
         random_starts(rng, 70, ARENA, 0.177)
     with pytest.raises(PlanningError, match=r"0\.3 x 3 m holds no robot that needs 0\.394 m"):
-        random_starts(rng, 1, (0.0, 0.0, 0.3, 3.0), 0.177)
+        random_starts(rng, 1, Bounds(0.0, 0.3, 0.0, 3.0), 0.177)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from muro_zenoh.arcs import advance
 from muro_zenoh.control.point_forward import (
     REVERSE_LIMIT,
     GoToGoal,
@@ -19,7 +20,7 @@ from muro_zenoh.control.point_forward import (
     turning_gain,
     wheel_speeds,
 )
-from muro_zenoh.geometry import Pose2, advance, wrap_to_pi
+from muro_zenoh.geometry import Pose2, wrap_to_pi
 
 ANGLES = st.floats(-math.pi, math.pi)
 

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,7 @@ from hypothesis import strategies as st
 
 from muro_zenoh.config import Checks
 from muro_zenoh.control.importance import Importance
-from muro_zenoh.geometry import Circle, Pose2
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
 from muro_zenoh.scoring.deployment import Deployment
@@ -102,7 +102,7 @@ def test_the_gap_ahead_follows_the_direction_of_travel() -> None:
     places = ring(0.0, 1.0, 3.0)
     gaps = gaps_ahead(places, CIRCLE)
     assert [gaps[f"r{i}"] for i in (1, 2, 3)] == pytest.approx([1.0, 2.0, 2 * math.pi - 3.0])
-    gaps = gaps_ahead(places, CIRCLE._replace(clockwise=True))
+    gaps = gaps_ahead(places, replace(CIRCLE, clockwise=True))
     assert [gaps[f"r{i}"] for i in (1, 2, 3)] == pytest.approx([2 * math.pi - 3.0, 1.0, 2.0])
     assert gaps_ahead(ring(0.5), CIRCLE) == {"r1": 2 * math.pi}
 
@@ -295,7 +295,7 @@ def test_robots_that_stand_still_have_no_radius_error() -> None:
 
 
 def test_a_circle_that_is_changed_counts_from_then_on() -> None:
-    wider = CIRCLE._replace(radius=1.0)
+    wider = replace(CIRCLE, radius=1.0)
     third = 2 * math.pi / 3
     before = [Sample(k / 10, ring(0.0, third, 2 * third), CIRCLE) for k in range(500)]
     after = [Sample(k / 10, ring(0.0, third, 2 * third, radius=1.0), wider) for k in range(500, 601)]

@@ -8,8 +8,7 @@ import pytest
 
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.geometry import Circle, Pose2
-from muro_zenoh.planning.bounds import Bounds
+from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.deployment import BINS, Deployment, density_error, score_deployment
 from muro_zenoh.scoring.expectations import asked_of

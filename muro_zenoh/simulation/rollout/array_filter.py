@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from muro_zenoh.arcs import carry
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation import ekf
 from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean
@@ -88,12 +89,12 @@ class ArrayFilter:
         x, y, theta = mean.x, mean.y, mean.theta
         for speeds, dt in _gather(self._since):
             v, omega = scales * speeds
-            x, y, theta = ekf.carry(x, y, theta, v, omega, dt)
+            x, y, theta = carry(x, y, theta, v, omega, dt)
         then = self._speeds
         if horizon > 0.0:
             then = follow(self._speeds, command, self._grow, self._fall, self._lag, horizon)
             v, omega = scales * (0.5 * (self._speeds + then))
-            x, y, theta = ekf.carry(x, y, theta, v, omega, horizon)
+            x, y, theta = carry(x, y, theta, v, omega, horizon)
         v, omega = scales * then
         return x, y, theta, v, omega
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation.ekf import Fix
+from muro_zenoh.geometry import State
 from muro_zenoh.simulation.noise import GaussianRows
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.rollout.array_filter import ArrayFilter
@@ -19,21 +20,9 @@ from muro_zenoh.simulation.rollout.settings import LoopSettings
 _LARGER_THAN_ANY = 3_900_000  # floats; just below the 32 MiB up to which glibc adapts
 
 
-class Seen(NamedTuple):
-    """What the laws see of N robots: ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s], ``omega`` [rad/s], (N,).
-
-    For now plus the wheels' lag, when a command given now will have taken effect.
-    """
-
-    x: Array
-    y: Array
-    theta: Array
-    v: Array
-    omega: Array
-
-
-Policy = Callable[[float, Seen], tuple[Array, Array]]
-"""``policy(t, seen) -> (v, omega)``: the speeds wanted of the robots (N,) [m/s], [rad/s], before calibration."""
+Policy = Callable[[float, State], tuple[Any, Any]]
+"""``policy(t, ahead) -> (v, omega)``: the speeds wanted of the robots, arrays (N,) [m/s], [rad/s], before calibration;
+``ahead``: where they will be, arrays (N,), when a command given now is felt at the wheels."""
 
 
 class Fleet:
@@ -102,7 +91,7 @@ class Fleet:
         settings = self.settings
         t = self.time
         self._receive(t)
-        v, omega = policy(t, self.see())
+        v, omega = policy(t, self.ahead())
         if self.filter is not None:
             v, omega = v / self.filter.mean.s_v, omega / self.filter.mean.s_omega
         np.minimum(np.maximum(v, -settings.v_max), settings.v_max, out=self._command[0])
@@ -116,12 +105,20 @@ class Fleet:
                 self._move(settings.period - self._capture, watch)
         self._steps += 1
 
-    def see(self) -> Seen:
-        """What the law sees now."""
+    def ahead(self) -> State:
+        """Where the robots will be, arrays (N,), when a command given now is felt: the filter's own prediction over the
+        wheels' lag; the truth now in a loop that sees it."""
+        return self._seen(self.settings.wheels.lag)
+
+    def state(self) -> State:
+        """Where the robots are now, arrays (N,), as their filters believe; the truth in a loop that sees it."""
+        return self._seen(0.0)
+
+    def _seen(self, horizon: float) -> State:
         if self.filter is None:
             x, y, theta = self.plant.pose.T
-            return Seen(x, y, theta, *self.plant.twist.T)
-        return Seen(*self.filter.ahead(self._command, self.settings.wheels.lag))
+            return State(x, y, theta, *self.plant.twist.T)
+        return State(*self.filter.ahead(self._command, horizon))
 
     def _receive(self, t: float) -> None:
         """Hand the filter the fixes that have arrived by ``t``."""

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from muro_zenoh.arrays import ARRAYS
-from muro_zenoh.control.circle import CircleLaw
+from muro_zenoh.behaviours.circle import CircleFollowing
+from muro_zenoh.behaviours.interface import Seen
+from muro_zenoh.control.circle import CircleLaw, circle_twist
 from muro_zenoh.control.pursuit import PursuitLaw, pursuit_speed
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
-from muro_zenoh.geometry import TWO_PI, Circle
-from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
+from muro_zenoh.geometry import TWO_PI, Circle, State
+from muro_zenoh.simulation.rollout.fleet import Fleet
 from muro_zenoh.simulation.rollout.settings import LoopSettings
 
 _TURNING = 0.1
@@ -57,12 +59,14 @@ def follow_circle(
         seconds: how long [s].
     """
     fleet = Fleet(starts, settings, rng)
-    speed = np.full(len(starts), v)
+    behaviour = CircleFollowing(law, v)
     times: list[float] = []
     errors: list[Array] = []
 
-    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
-        return speed, law(seen.x, seen.y, seen.theta, seen.v, circle)
+    def policy(t: float, ahead: State) -> tuple[Any, Any]:
+        twist = behaviour.step(Seen(t, ahead, ahead, circle)).twist
+        assert twist is not None  # there is a circle, and a speed
+        return twist.v, twist.omega
 
     def watch(t: float, pose: Array) -> None:
         times.append(t)
@@ -127,12 +131,12 @@ def pursue_ring(
     radii: list[Array] = []
     angles: list[Array] = []
 
-    def policy(t: float, seen: Seen) -> tuple[Array, Array]:
-        angle = ring_angle(fleet, seen, circle).reshape(trials, n)
+    def policy(t: float, ahead: State) -> tuple[Any, Any]:
+        angle = ring_angle(fleet, ahead, circle).reshape(trials, n)
         gap, behind, count = array_gaps(angle, circle.clockwise)
         many = count.astype(np.float64)
         speed: Array = pursuit_speed(law, gap, behind, many, angle, circle.radius, circle.clockwise)
-        return speed.ravel(), circle_law(seen.x, seen.y, seen.theta, seen.v, circle)
+        return circle_twist(ahead, speed.ravel(), circle, circle_law)
 
     def watch(t: float, pose: Array) -> None:
         x, y = pose[:, 0] - circle.x, pose[:, 1] - circle.y
@@ -148,7 +152,7 @@ def pursue_ring(
     return PursuitRun(np.array(times), np.array(spacings), np.array(radii), np.array(angles))
 
 
-def ring_angle(fleet: Fleet, seen: Seen, circle: Circle) -> Array:
+def ring_angle(fleet: Fleet, ahead: State, circle: Circle) -> Array:
     """Where the snapshot puts each robot on its way round the circle now (N,) [rad].
 
     The place of the newest fix, moved on by its tangential speed times its age, as
@@ -156,15 +160,15 @@ def ring_angle(fleet: Fleet, seen: Seen, circle: Circle) -> Array:
 
     Args:
         fleet: the robots.
-        seen: what the laws see.
+        ahead: where they will be, and at which speeds.
         circle: the circle.
     """
     fix = fleet.newest_fix
     if fix is None:
-        return ARRAYS.atan2(seen.y - circle.y, seen.x - circle.x)  # type: ignore[no-any-return]
+        return ARRAYS.atan2(ahead.y - circle.y, ahead.x - circle.x)  # type: ignore[no-any-return]
     x, y = fix.x - circle.x, fix.y - circle.y
     angle = np.arctan2(y, x)
-    moved: Array = angle + seen.v * np.sin(fix.theta - angle) / np.hypot(x, y) * fleet.fix_age
+    moved: Array = angle + ahead.v * np.sin(fix.theta - angle) / np.hypot(x, y) * fleet.fix_age
     return moved
 
 

@@ -1,4 +1,4 @@
-"""Changing the behaviour: the one before has no say any more, whatever it left behind."""
+"""Changing the behaviour: the one before is revoked, whatever it left behind."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ OVER = asyncio.Event()
 
 
 @pytest.mark.parametrize("behaviour", ["deaf", "forgetful"])
-def test_who_does_not_leave_has_no_say_any_more(
+def test_what_does_not_end_is_revoked(
     behaviour: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "lab_stubborn.py").write_text(STUBBORN)
@@ -57,7 +57,7 @@ def test_who_does_not_leave_has_no_say_any_more(
                     await asyncio.sleep(0.1)
                     assert fleet.commanded("r1") == (0.0, 0.0)
                 assert fleet.holds("r1", "the behaviour is hold")
-                assert any("has not left" in r.message for r in caplog.records) == (behaviour == "deaf")
+                assert any("has not ended" in r.message for r in caplog.records) == (behaviour == "deaf")
                 await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
                 await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 2, "the next one is taken")
             finally:

@@ -1,0 +1,264 @@
+"""One robot's control loop: fix -> filter -> state -> step -> safety -> command.
+
+Events go in, messages come out. It knows no bus and reads no clock, so that a test, a replay or a fleet in virtual time
+runs the very loop that drives a robot.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from muro_zenoh import channels
+from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
+from muro_zenoh.channels import Channel
+from muro_zenoh.config import RobotSettings
+from muro_zenoh.estimation.pose_filter import PoseEstimate, PoseFilter
+from muro_zenoh.geometry import STILL, Circle, State
+from muro_zenoh.messages import (
+    Calibration,
+    Cell,
+    Estimate,
+    Message,
+    PlannedPath,
+    PoseFix,
+    SpeedReference,
+    StopOrder,
+    VelocityCommand,
+)
+from muro_zenoh.safety.gate import reasons_to_stand
+from muro_zenoh.safety.limits import calibrate_and_limit
+from muro_zenoh.safety.stop import StopLatch
+
+log = logging.getLogger(__name__)
+
+Outgoing = list[tuple[Channel[Any], Message]]
+"""Messages to be sent, each under this robot's name."""
+
+_REPEAT = 0.1
+"""A command is repeated, or zeroed, when none was sent for this long [s]; the base's dead-man acts after 0.3 s."""
+
+_INTENT_TIMEOUT = 0.25
+"""What a behaviour wanted longer ago than this is not wanted any more [s]."""
+
+_CALIBRATION_PERIOD = 1.0
+
+_NUMBER = re.compile(r"[0-9.]+")
+
+
+class Surroundings(NamedTuple):
+    """What others say, at one moment: ``circle`` to follow; ``speed`` on ``velocity/<name>`` [m/s], None when it is not
+    fresh, and its age [s]; the ``snapshot`` of all robots, None when it is not fresh, and its age [s]."""
+
+    circle: Circle | None = None
+    speed: float | None = None
+    speed_age: float = math.inf
+    snapshot: Snapshot | None = None
+    snapshot_age: float = math.inf
+
+
+class ControlLoop:
+    """The loop of one robot. Every time is of one local clock [s].
+
+    Args:
+        name: the robot's name.
+        robot: its settings.
+
+    Attributes:
+        latch: what is known of the stop order.
+        reasons: why the robot is stationary, most important first; empty while it may drive.
+        seen: what there was to see at the newest estimate; None before the first.
+        changed: the latch or the reasons changed; for the health report to clear.
+        fixes: fixes used since the start.
+        commands: commands sent since the start.
+        pose_ages: from capture to the estimate that used it, of each fix since it was last emptied [s].
+    """
+
+    def __init__(self, name: str, robot: RobotSettings) -> None:
+        self.latch = StopLatch()
+        self.reasons: tuple[str, ...] = ()
+        self.seen: Seen | None = None
+        self.changed = False
+        self.fixes = 0
+        self.commands = 0
+        self.pose_ages: list[float] = []
+        self._name = name
+        self._robot = robot
+        self._filter = PoseFilter(limits=robot.wheels)
+        self._estimate: PoseEstimate | None = None
+        self._stopped_names: frozenset[str] = frozenset()
+        self._behaviour: Behaviour | None = None
+        self._intent = hold("no behaviour yet")
+        self._intended = -math.inf
+        self._sent = -math.inf
+        self._calibrated = -math.inf
+
+    # ---- events
+
+    def update(
+        self,
+        now: float,
+        fixes: Iterable[tuple[float, PoseFix]],
+        odometry: Iterable[tuple[float, float, float]],
+        around: Surroundings,
+    ) -> Outgoing:
+        """Estimate, ask the behaviour, command: at each fix, and by the clock when a fix is overdue.
+
+        Args:
+            now: the time.
+            fixes: those that have arrived, each with its time of capture.
+            odometry: rows t [s], v [m/s], omega [rad/s] that have arrived, in order.
+            around: what others say.
+        """
+        for t, v, omega in odometry:
+            self._filter.twist(t, v, omega)
+        for captured, fix in fixes:
+            self._take(now, captured, fix)
+        out: Outgoing = []
+        estimate = self._estimate = self._filter.at(now)
+        if estimate is not None:
+            seen = self.seen = self._look(now, estimate, around)
+            out.append((channels.ESTIMATE, _estimate_message(now, estimate)))
+            if now - self._calibrated >= _CALIBRATION_PERIOD:
+                self._calibrated = now
+                out.append((channels.CAL_V, _calibration(estimate.s_v, estimate.sigma_v)))
+                out.append((channels.CAL_OMEGA, _calibration(estimate.s_omega, estimate.sigma_omega)))
+            if self._behaviour is not None:
+                self._intend(now, self._behaviour.step(seen), out)
+                self._command(now, out)
+                return out
+        # A behaviour that is a task of its own sends its command when it has chosen one.
+        if now - self._sent >= _REPEAT:
+            self._command(now, out)
+        return out
+
+    def behave(self, behaviour: Behaviour | None) -> None:
+        """Ask this behaviour from now on; None when a task of its own says what it wants by :meth:`want`.
+
+        Args:
+            behaviour: which.
+        """
+        self._behaviour = behaviour
+
+    def want(self, now: float, intent: Intent) -> Outgoing:
+        """Take what a behaviour wants now, and command.
+
+        Args:
+            now: the time.
+            intent: what it wants.
+        """
+        out: Outgoing = []
+        self._intend(now, intent, out)
+        self._command(now, out)
+        return out
+
+    def take_stop(self, now: float, order: StopOrder) -> Outgoing:
+        """Take a stop order, from whomever it comes; command zero at once when it stops this robot.
+
+        Args:
+            now: the time.
+            order: the order.
+        """
+        before = self.latch
+        self.latch = before.hear(self._name, everybody=order.all, names=order.names, revision=order.revision)
+        self.changed |= self.latch != before
+        if order.revision >= self.latch.revision:
+            self._stopped_names = frozenset(order.names)
+        out: Outgoing = []
+        if not self.latch.may_drive:
+            self._command(now, out)
+        return out
+
+    def end(self, now: float) -> Outgoing:
+        """The last command: zero.
+
+        Args:
+            now: the time.
+        """
+        self._behaviour = None
+        return self.want(now, hold("the agent is leaving"))
+
+    # ---- from fix to state
+
+    def _take(self, now: float, captured: float, fix: PoseFix) -> None:
+        result = self._filter.fix(captured, fix.x, fix.y, fix.theta, fix.covariance)
+        if result.accepted:
+            self.fixes += 1
+            self.pose_ages.append(now - captured)
+        if result.restarted:
+            log.warning("the fixes have left the track: starting anew at (%.2f, %.2f)", fix.x, fix.y)
+
+    def _look(self, now: float, estimate: PoseEstimate, around: Surroundings) -> Seen:
+        return Seen(
+            now,
+            State(estimate.x, estimate.y, estimate.theta, estimate.v, estimate.omega),
+            self._filter.look_ahead(estimate, now, self._robot.lag),
+            *around,
+            self._stopped_names,
+            not self.reasons,
+        )
+
+    # ---- from intent to command
+
+    def _intend(self, now: float, intent: Intent, out: Outgoing) -> None:
+        self._intent, self._intended = intent, now
+        if intent.speed is not None:
+            out.append((channels.VELOCITY, SpeedReference(speed=intent.speed)))
+        if intent.path is not None:
+            x, y, theta = intent.path.start
+            segments = tuple((segment.length, segment.curvature) for segment in intent.path.segments)
+            path = PlannedPath(x=x, y=y, theta=theta, segments=segments, goal_theta=intent.path_has_heading)
+            out.append((channels.PATH, path))
+        if intent.cell is not None:
+            out.append((channels.CELL, Cell(corners=intent.cell.corners, x=intent.cell.x, y=intent.cell.y)))
+
+    def _command(self, now: float, out: Outgoing) -> None:
+        estimate, intent = self._estimate, self._intent
+        reasons = reasons_to_stand(
+            latch=self.latch,
+            fix_age=now - estimate.t_fix if estimate is not None else math.inf,
+            fix_limit=channels.POSE.stale_after or 0.0,
+            twist_age=now - self._intended,
+            twist_limit=_INTENT_TIMEOUT,
+            hold=intent.reason if intent.twist is None else "",
+        )
+        command = STILL
+        if not reasons and estimate is not None and intent.twist is not None:
+            command = calibrate_and_limit(
+                intent.twist,
+                cal_v=1.0 / estimate.s_v,
+                cal_omega=1.0 / estimate.s_omega,
+                v_max=self._robot.v_max,
+                omega_max=self._robot.omega_max,
+            )
+        self.changed |= _without_numbers(reasons) != _without_numbers(self.reasons)
+        self.reasons = reasons
+        self._sent = now
+        self.commands += 1
+        self._filter.command(now, command.v, command.omega)
+        out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
+
+
+def _without_numbers(reasons: tuple[str, ...]) -> str:
+    """Reasons but for the ages in them: what does not change from one estimate to the next."""
+    return _NUMBER.sub("", "|".join(reasons)) if reasons else ""
+
+
+def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
+    return Estimate(
+        stamp=now,
+        x=estimate.x,
+        y=estimate.y,
+        theta=estimate.theta,
+        v=estimate.v,
+        omega=estimate.omega,
+        covariance=estimate.covariance9,
+    )
+
+
+def _calibration(scale: float, sigma: float) -> Calibration:
+    """The factor that undoes a drive scale; its standard deviation to first order."""
+    return Calibration(value=1.0 / scale, sigma=sigma / scale**2)

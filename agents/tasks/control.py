@@ -1,0 +1,152 @@
+"""The control task: awaits fixes, and hands them, with all that came besides, to the control loop."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any, Final
+
+from agents.control_loop import ControlLoop, Outgoing, Surroundings
+from muro_zenoh import channels
+from muro_zenoh.behaviours.interface import Need, Snapshot
+from muro_zenoh.messages import Circle as CircleMessage
+from muro_zenoh.messages import FleetSnapshot, PoseFix, SpeedReference
+from muro_zenoh.transport import Bus, Latest, Publisher, Received
+
+TICK: Final = 1.5 * 0.05
+"""When no fix has come for this long, the estimate is moved on without one [s]."""
+
+
+class Sender:
+    """Sends the control loop's messages, each under the robot's name.
+
+    Args:
+        bus: the bus.
+        name: the robot's name.
+    """
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._bus = bus
+        self._name = name
+        self._publishers: dict[str, Publisher[Any]] = {}
+
+    def send(self, out: Outgoing) -> None:
+        """Send messages. Most robots never use most channels, so a publisher is declared with the first.
+
+        Args:
+            out: what the control loop returned.
+        """
+        for channel, message in out:
+            publisher = self._publishers.get(channel.word)
+            if publisher is None:
+                publisher = self._publishers[channel.word] = self._bus.publisher(channel, self._name)
+            publisher.put(message)
+
+
+class Listener:
+    """What others say, for the behaviour that runs: it hears only what that one needs.
+
+    Args:
+        bus: the bus.
+        name: the robot's name.
+    """
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        self._bus = bus
+        self._name = name
+        self._circle: Latest[CircleMessage] | None = None
+        self._speed: Latest[SpeedReference] | None = None
+        self._snapshot: Latest[FleetSnapshot] | None = None
+
+    def need(self, needs: frozenset[Need]) -> None:
+        """Listen to what a behaviour needs.
+
+        Args:
+            needs: of the behaviour that starts.
+        """
+        bus = self._bus
+        if Need.CIRCLE in needs and self._circle is None:
+            self._circle = bus.latest(channels.CIRCLE)
+        if Need.SNAPSHOT in needs and self._snapshot is None:
+            self._snapshot = bus.latest(channels.ALL_POSITIONS)
+        if self._speed is not None:  # what was said to the behaviour before is not said to this one
+            self._speed.close()
+            self._speed = None
+        if Need.SPEED in needs:
+            self._speed = bus.latest(channels.VELOCITY, self._name)
+
+    def surroundings(self, now: float) -> Surroundings:
+        """What they say now.
+
+        Args:
+            now: the time [s].
+        """
+        circle = self._circle.get() if self._circle is not None else None
+        speed, speed_age = _fresh(self._speed, now, channels.VELOCITY.stale_after)
+        snapshot, snapshot_age = _fresh(self._snapshot, now, channels.ALL_POSITIONS.stale_after)
+        return Surroundings(
+            circle.message.circle if circle is not None else None,
+            speed.message.speed if speed is not None else None,
+            speed_age,
+            Snapshot(snapshot.message.robots, snapshot.message.stamp, snapshot.message.epoch, snapshot_age)
+            if snapshot is not None
+            else None,
+            snapshot_age,
+        )
+
+
+def _fresh(inbox: Latest[Any] | None, now: float, limit: float | None) -> tuple[Received[Any] | None, float]:
+    """The newest message unless it is stale, and its age."""
+    received = inbox.get() if inbox is not None else None
+    if received is None:
+        return None, math.inf
+    age = received.age(now)
+    return (received if limit is None or age <= limit else None), age
+
+
+async def control(
+    bus: Bus,
+    name: str,
+    loop: ControlLoop,
+    listener: Listener,
+    sender: Sender,
+    wake: asyncio.Event,
+    latencies: list[float],
+) -> None:
+    """Await fixes; at each one, and when one is overdue, let the control loop command. Command zero when leaving.
+
+    Args:
+        bus: the bus.
+        name: the robot's name.
+        loop: the control loop.
+        listener: what others say.
+        sender: sends the messages.
+        wake: set when the robot starts or stops to drive.
+        latencies: gets the time from the arrival of each fix to the command that used it [s].
+    """
+    clock = bus.clock
+    poses = bus.every(channels.POSE, name)
+    wheels = bus.every(channels.ODOMETRY, name)
+    try:
+        while True:
+            fixes: list[Received[PoseFix]] = []
+            try:
+                async with asyncio.timeout(TICK):
+                    fixes = [await poses.next(), *poses.drain()]
+            except TimeoutError:
+                pass
+            now = clock.now()
+            sender.send(
+                loop.update(
+                    now,
+                    [(fix.captured() - fix.message.age, fix.message) for fix in fixes],
+                    [(o.captured(), o.message.v, o.message.omega) for o in wheels.drain()],
+                    listener.surroundings(now),
+                )
+            )
+            if fixes:
+                latencies.append(clock.now() - fixes[-1].arrival)
+            if loop.changed:
+                wake.set()
+    finally:
+        sender.send(loop.end(clock.now()))

@@ -1,0 +1,74 @@
+"""Says how the agent is: once a second, and at once when the robot starts or stops to drive."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+from agents.control_loop import ControlLoop
+from agents.tasks.behaviour import BehaviourRunner
+from muro_zenoh import channels
+from muro_zenoh.messages import Health
+from muro_zenoh.transport import Bus
+
+_PERIOD = 1.0
+
+
+async def report_health(
+    bus: Bus,
+    name: str,
+    loop: ControlLoop,
+    runner: BehaviourRunner,
+    wake: asyncio.Event,
+    latencies: list[float],
+) -> None:
+    """Report until cancelled.
+
+    Args:
+        bus: the bus.
+        name: the robot's name.
+        loop: the control loop; its lists of measurements are emptied.
+        runner: the behaviour that runs.
+        wake: set when there is something new to say; it is cleared.
+        latencies: from the arrival of each fix to the command that used it [s]; emptied.
+    """
+    publisher = bus.publisher(channels.HEALTH, name)
+    commands, since, rate = 0, bus.clock.now(), 0.0
+    while True:
+        now = bus.clock.now()
+        if now - since > 0.5 * _PERIOD:
+            rate = (loop.commands - commands) / (now - since)
+            commands, since = loop.commands, now
+        samples = {"pose_age_s": tuple(loop.pose_ages), "pose_to_command_s": tuple(latencies)}
+        loop.pose_ages.clear()
+        latencies.clear()
+        loop.changed = False
+        publisher.put(
+            Health(
+                role="agent",
+                state=_state(loop, runner),
+                reasons=loop.reasons,
+                numbers={
+                    "fixes": loop.fixes,
+                    "commands": loop.commands,
+                    "command_rate_hz": round(rate, 1),
+                    **bus.numbers(),
+                },
+                samples=samples,
+                stop_latched=loop.latch.stopped,
+                stop_all=loop.latch.everybody,
+                stop_revision=max(loop.latch.revision, 0),
+            )
+        )
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_PERIOD):
+                await wake.wait()
+        wake.clear()
+
+
+def _state(loop: ControlLoop, runner: BehaviourRunner) -> str:
+    if loop.latch.stopped:
+        return "stopped"
+    if loop.reasons:
+        return "holding"
+    return runner.name.rpartition(":")[2] or "driving"

@@ -1,0 +1,122 @@
+"""Follow the circle: circular path following at the speed of ``muro/velocity/<name>``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from muro_zenoh.behaviours.interface import (
+    Behaviour,
+    BehaviourKind,
+    Expectation,
+    Intent,
+    Need,
+    Seen,
+    Vehicle,
+    hold,
+)
+from muro_zenoh.control.circle import CircleLaw, LqrGains, PassivityGains, VectorFieldGains, circle_twist
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.geometry import Circle
+from muro_zenoh.quantities import SpeedOrRest, check_quantities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Parameters of following the circle.
+
+    Args:
+        law: ``vector_field``, ``passivity`` or ``lqr``, with its gains.
+        speed: while nobody has ever said another on ``muro/velocity/<name>`` [m/s].
+    """
+
+    law: VectorFieldGains | PassivityGains | LqrGains = VectorFieldGains()
+    speed: SpeedOrRest = 0.2
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+
+class CircleFollowing(Behaviour):
+    """Follow the circle at the speed that is said, or at a default one as long as nobody has ever said any.
+
+    Args:
+        law: the circle law.
+        speed: the default [m/s].
+    """
+
+    def __init__(self, law: CircleLaw, speed: float) -> None:
+        self._law = law
+        self._speed = speed
+
+    def step(self, seen: Seen) -> Intent:
+        """Follow the circle.
+
+        Args:
+            seen: the circle, the speed, and where the robot is; floats or arrays.
+        """
+        if seen.circle is None:
+            return hold("no circle received yet")
+        speed: Any = seen.speed
+        if speed is None:
+            if seen.speed_age < math.inf:  # whoever set the speed has fallen silent: no default takes his place
+                return hold(f"no velocity for {seen.speed_age:.1f} s")
+            speed = self._speed + 0.0 * seen.ahead.x
+        return Intent(circle_twist(seen.ahead, speed, seen.circle, self._law))
+
+
+def make(parameters: Parameters, vehicle: Vehicle) -> CircleFollowing:
+    """The behaviour of one robot.
+
+    Args:
+        parameters: the law and the default speed.
+        vehicle: any.
+    """
+    return CircleFollowing(CircleLaw(parameters.law), parameters.speed)
+
+
+def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse a circle on which robots would leave the arena.
+
+    Args:
+        circle: the circle.
+        fleet: the robots; of one arena.
+
+    Raises:
+        ParameterError: it is too large for the place of its centre.
+    """
+    body = max(vehicle.radius for vehicle in fleet)
+    arena = fleet[0].arena
+    edge = min(circle.x - arena.x_min, arena.x_max - circle.x, circle.y - arena.y_min, arena.y_max - circle.y)
+    if circle.radius > edge - body:
+        raise ParameterError(
+            "circle.radius",
+            got=f"{circle.radius:g} m round ({circle.x:g}, {circle.y:g})",
+            expected=f"at most {max(edge - body, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
+        )
+
+
+def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse what a fleet cannot do on this circle.
+
+    Args:
+        parameters: any.
+        circle: the circle.
+        fleet: the robots.
+
+    Raises:
+        ParameterError: they would leave the arena.
+    """
+    require_room(circle, fleet)
+
+
+BEHAVIOUR = BehaviourKind(
+    Parameters,
+    make,
+    "follow the circle at the speed of velocity/<name>, or at a default speed",
+    needs=frozenset({Need.CIRCLE, Need.SPEED}),
+    expects=lambda parameters: Expectation(on_circle=True),
+    fits=fits,
+)

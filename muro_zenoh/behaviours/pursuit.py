@@ -1,0 +1,209 @@
+"""Cyclic pursuit: robots spread round the circle, each at a speed that follows from everybody's position."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from muro_zenoh.behaviours.circle import require_room
+from muro_zenoh.behaviours.entry_points import load_function
+from muro_zenoh.behaviours.interface import (
+    Behaviour,
+    BehaviourKind,
+    Expectation,
+    Intent,
+    Need,
+    Seen,
+    Snapshot,
+    Vehicle,
+    hold,
+    is_visible,
+)
+from muro_zenoh.control.circle import CircleLaw, LqrGains, PassivityGains, VectorFieldGains, circle_twist
+from muro_zenoh.control.pursuit import Normalised, Proportional, PursuitLaw, TwoGap, Weighted, pursue
+from muro_zenoh.control.ring import RingRobot
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.geometry import Circle
+from muro_zenoh.quantities import Quantity, Speed, SpeedOrRest, check_quantities
+
+_STATIONARY_AFTER = 1.0
+"""A robot that has not moved for this long is not taking part [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ByImportance:
+    """Settings of the law ``importance``: stay longer where the circle matters more.
+
+    Args:
+        cruise: speed where the importance is 1 [m/s].
+        v_min: least speed on the ring [m/s].
+        v_max: greatest speed on the ring [m/s].
+        gain: of the pursuit law [1/s].
+        angles: angles on the circle [rad] ...
+        weights: ... and how much each matters, above 0; in between it is interpolated.
+        importance: instead of a table, ``module:function``, from an angle [rad] to a weight.
+    """
+
+    NAME: ClassVar[str] = Weighted.NAME
+
+    cruise: SpeedOrRest = 0.2
+    v_min: SpeedOrRest = 0.05
+    v_max: Speed = 0.4
+    gain: Annotated[float, Quantity("1/s", above=0.0)] = 2.5
+    angles: tuple[float, ...] = ()
+    weights: tuple[float, ...] = ()
+    importance: str = ""
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def law(self) -> Weighted:
+        """The law with its importance.
+
+        Raises:
+            ParameterError: an importance that cannot be made or loaded, or that the speeds cannot serve.
+        """
+        from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do without
+
+        if self.importance:
+            importance = Importance.from_function(load_function(self.importance))
+        else:
+            importance = Importance.from_table(self.angles, self.weights)
+        return Weighted(cruise=self.cruise, v_min=self.v_min, v_max=self.v_max, gain=self.gain, importance=importance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Parameters of cyclic pursuit.
+
+    Args:
+        law: how the circle is followed: ``vector_field``, ``passivity`` or ``lqr``, with its gains.
+        pursuit: how the speed is chosen: ``two_gap``, ``normalised``, ``proportional`` or ``importance``, with its gain
+            and limits.
+    """
+
+    law: VectorFieldGains | PassivityGains | LqrGains = VectorFieldGains()
+    pursuit: TwoGap | Normalised | Proportional | ByImportance = TwoGap()
+
+    def pursuit_law(self) -> PursuitLaw:
+        """The law that chooses the speed.
+
+        Raises:
+            ParameterError: an importance that cannot be made or loaded, or that the speeds cannot serve.
+        """
+        return self.pursuit.law() if isinstance(self.pursuit, ByImportance) else self.pursuit
+
+
+class Pursuit(Behaviour):
+    """Follow the circle at the speed that spreads the robots round it.
+
+    Args:
+        name: of this robot.
+        pursuit: chooses the speed.
+        circle: follows the circle.
+    """
+
+    def __init__(self, name: str, pursuit: PursuitLaw, circle: CircleLaw) -> None:
+        self._name = name
+        self._pursuit = pursuit
+        self._circle = circle
+        self._order: tuple[str, ...] = ()
+        self._moved: dict[str, float] = {}  # when each of the others was last seen to move, or first seen [s]
+
+    def step(self, seen: Seen) -> Intent:
+        """Choose the speed, say it, and follow the circle at it.
+
+        Args:
+            seen: the circle and all robots.
+        """
+        if seen.circle is None:
+            return hold("no circle received yet")
+        if seen.snapshot is None:
+            never = seen.snapshot_age == math.inf
+            return hold("no positions received yet" if never else f"no positions for {seen.snapshot_age:.1f} s")
+        ring = self._ring(seen, seen.snapshot)
+        step = pursue(self._name, ring, seen.circle, self._order, self._pursuit)
+        self._order = step.order
+        return Intent(circle_twist(seen.ahead, step.speed, seen.circle, self._circle), speed=step.speed)
+
+    def _ring(self, seen: Seen, snapshot: Snapshot) -> dict[str, RingRobot]:
+        """The robots that count: this one as it knows itself, and the others that are visible, not stopped, and move.
+
+        One that is stationary (its agent has died, or it does something else) would keep a gap to itself for ever.
+        """
+        stationary = 0.5 * self._pursuit.v_min
+        ring = {}
+        for other in snapshot.robots:
+            if other.name == self._name:
+                continue
+            if not is_visible(other):
+                self._moved.pop(other.name, None)
+                continue
+            if abs(other.v) > stationary or other.name not in self._moved:
+                self._moved[other.name] = seen.now
+            if seen.now - self._moved[other.name] <= _STATIONARY_AFTER and other.name not in seen.stopped:
+                ring[other.name] = RingRobot(other.x, other.y, other.theta, other.v, other.age + snapshot.age)
+        me = seen.state
+        ring[self._name] = RingRobot(me.x, me.y, me.theta, me.v, 0.0)
+        return ring
+
+
+def make(parameters: Parameters, vehicle: Vehicle) -> Pursuit:
+    """The behaviour of one robot.
+
+    Args:
+        parameters: both laws.
+        vehicle: whose name it has.
+
+    Raises:
+        ParameterError: an importance that cannot be made or loaded, or that the speeds cannot serve.
+    """
+    return Pursuit(vehicle.name, parameters.pursuit_law(), CircleLaw(parameters.law))
+
+
+def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse a circle that the robots cannot share.
+
+    Args:
+        parameters: any.
+        circle: the circle.
+        fleet: the robots.
+
+    Raises:
+        ParameterError: they would leave the arena, or touch when they are evenly spread.
+    """
+    require_room(circle, fleet)
+    count = len(fleet)
+    body = max(vehicle.radius for vehicle in fleet)
+    chord = 2.0 * circle.radius * math.sin(math.pi / count) if count > 1 else math.inf
+    if chord < 2.0 * body:
+        most = int(math.pi / math.asin(min(1.0, body / circle.radius)))
+        raise ParameterError(
+            "circle.radius",
+            got=f"{count} robots on a circle of {circle.radius:g} m, {chord:.3f} m apart",
+            expected=f"at least {2 * body:g} m between their centres",
+            hint=f"At most {most} robots fit, or a circle of {body / math.sin(math.pi / count):.2f} m.",
+        )
+
+
+def expects(parameters: Parameters) -> Expectation:
+    """What its score sheet shows: robots that weigh the circle do not spread evenly round it.
+
+    Args:
+        parameters: the laws.
+    """
+    law = parameters.pursuit_law()
+    importance = law.importance if isinstance(law, Weighted) else None
+    return Expectation(on_circle=True, evenly=importance is None, importance=importance)
+
+
+BEHAVIOUR = BehaviourKind(
+    Parameters,
+    make,
+    "spread round the circle and go on circling: cyclic pursuit",
+    needs=frozenset({Need.CIRCLE, Need.SNAPSHOT}),
+    expects=expects,
+    fits=fits,
+)

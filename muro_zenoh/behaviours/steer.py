@@ -1,0 +1,110 @@
+"""Go to each goal by point-forward steering, turning while driving; nothing is planned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from muro_zenoh.behaviours.dubins import GoalList
+from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Expectation, Intent, Need, Seen, Vehicle, hold
+from muro_zenoh.control.point_forward import GoToGoal
+from muro_zenoh.errors import PlanningError
+from muro_zenoh.geometry import STILL, Circle, Pose2
+from muro_zenoh.planning.arena import require_goal_inside
+from muro_zenoh.planning.destination import Destination
+from muro_zenoh.planning.itinerary import Itinerary
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Parameters of point-forward steering. A goal's heading is ignored.
+
+    Args:
+        steering: the law.
+        targets: where to.
+    """
+
+    steering: GoToGoal = GoToGoal()
+    targets: GoalList = GoalList()
+
+
+class Steering(Behaviour):
+    """Steer the point ahead of the axle to each goal.
+
+    Args:
+        law: the steering law.
+        itinerary: where to.
+        vehicle: whose arena and radius it has.
+    """
+
+    def __init__(self, law: GoToGoal, itinerary: Itinerary, vehicle: Vehicle) -> None:
+        self._law = law
+        self._itinerary = itinerary
+        self._vehicle = vehicle
+
+    def go_to(self, goal: Destination, seen: Seen) -> str:
+        """Take any goal inside the arena.
+
+        Args:
+            goal: where to go.
+            seen: not looked at.
+
+        Returns:
+            Why not; empty when the goal is taken.
+        """
+        try:
+            require_goal_inside(Pose2(goal.x, goal.y, 0.0), self._vehicle.arena, self._vehicle.radius)
+        except PlanningError as error:
+            return str(error)
+        self._itinerary.replace(goal)
+        return ""
+
+    def step(self, seen: Seen) -> Intent:
+        """Steer to the current goal.
+
+        Args:
+            seen: where the robot will be.
+        """
+        self._itinerary.begin_next(seen.now)
+        goal = self._itinerary.current
+        if goal is None:
+            return hold(self._itinerary.waiting)
+        twist = self._law.twist(seen.ahead.pose, goal.x, goal.y)
+        if twist == STILL:
+            self._itinerary.arrive(seen.now)
+            return hold(self._itinerary.waiting)
+        return Intent(twist)
+
+
+def make(parameters: Parameters, vehicle: Vehicle) -> Steering:
+    """The behaviour of one robot.
+
+    Args:
+        parameters: the law, and where to go.
+        vehicle: whose arena and radius it has.
+    """
+    return Steering(parameters.steering, parameters.targets.itinerary(), vehicle)
+
+
+def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse goals outside the arena.
+
+    Args:
+        parameters: with the goals.
+        circle: any.
+        fleet: the robots.
+
+    Raises:
+        ParameterError: a goal is outside the arena, or too near its border.
+    """
+    parameters.targets.require_inside(fleet)
+
+
+BEHAVIOUR = BehaviourKind(
+    Parameters,
+    make,
+    "go to each goal by point-forward steering",
+    needs=frozenset({Need.GOALS}),
+    expects=lambda parameters: Expectation(goals=True),
+    fits=fits,
+)
