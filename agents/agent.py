@@ -9,6 +9,7 @@ from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Listener, Sender, control
 from agents.tasks.health import report_health
 from agents.tasks.orders import answer_goals, obey_stops
+from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
@@ -62,8 +63,8 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         NotConnected: no router answered.
         ConfigError: the settings have no such robot.
     """
-    async with open_bus(scenario.bus) as bus:
+    async with open_bus(scenario.bus, Role.AGENT) as bus:
         agent = Agent(bus, scenario, name)
-        bus.announce("agent", name)
+        bus.announce(Role.AGENT, name)
         ready("agent", name)
         await agent.run()

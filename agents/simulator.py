@@ -12,6 +12,7 @@ from agents.base.run import run_bases
 from agents.base.simulated import Floor, SimulatedWheels
 from agents.simulated_camera import OffLoop, SimulatedCamera
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready
@@ -110,8 +111,8 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
         PlanningError: the robots do not fit into the arena.
     """
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    async with open_bus(scenario.bus) as bus:
+    async with open_bus(scenario.bus, Role.SIMULATOR, Role.BASE, Role.CAMERA) as bus:
         room = Room(bus, scenario, seed)
-        bus.announce("simulator", "simulator")
+        bus.announce(Role.SIMULATOR, "simulator")
         ready("simulator")
         await room.run()

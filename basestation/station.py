@@ -14,6 +14,7 @@ from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.orders import OrdersTask
 from basestation.tasks.positions import PositionsTask
 from basestation.tasks.vision import cameras_on_bus
+from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus
@@ -75,8 +76,8 @@ async def run_basestation(scenario: Scenario, state: Path | None) -> None:
     """
     # A thread per camera: none waits for another, and no answer to an order waits for any.
     with ThreadPoolExecutor(max(1, len(scenario.camera)), thread_name_prefix="vision") as threads:
-        async with open_bus(scenario.bus) as bus:
+        async with open_bus(scenario.bus, Role.BASESTATION) as bus:
             station = Station(bus, scenario, state, cameras_on_bus(bus, scenario, threads))
-            bus.announce("basestation", "basestation")
+            bus.announce(Role.BASESTATION, "basestation")
             ready("basestation")
             await station.run()

@@ -50,7 +50,7 @@ async def loop(settings: BusSettings, name: str) -> None:
 
 async def bus(settings: BusSettings, name: str) -> None:
     """Our bus: decode, mailbox, task, encode."""
-    async with open_bus(settings) as opened:
+    async with open_bus(settings, channels.Role.AGENT) as opened:
         commands = opened.publisher(channels.CMD_VEL, name)
         poses = opened.every(channels.POSE, name)
         ready("bus", name)

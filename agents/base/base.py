@@ -37,7 +37,7 @@ class Base:
         self._contested = -math.inf
         self._expires = -math.inf
         self._dead = True
-        self._reported: BaseState | None = None
+        self._reported: tuple[float, ...] = ()
         self._reported_at = -math.inf
 
     def obey(self, received: Received[VelocityCommand], now: float) -> None:
@@ -107,7 +107,11 @@ class Base:
             now: the time of the last beat [s].
         """
         reading = self._reading
-        state = BaseState(
+        shown = (*reading[5:], self._dead)
+        if shown == self._reported and now - self._reported_at < _STATE_PERIOD:
+            return None
+        self._reported, self._reported_at = shown, now
+        return BaseState(
             battery=reading.battery,
             charging=reading.charging,
             bumper=reading.bumper,
@@ -115,7 +119,3 @@ class Base:
             wheel_drop=reading.wheel_drop,
             dead_man=self._dead,
         )
-        if state == self._reported and now - self._reported_at < _STATE_PERIOD:
-            return None
-        self._reported, self._reported_at = state, now
-        return state

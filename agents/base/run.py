@@ -16,6 +16,7 @@ from agents.base.base import Base
 from agents.base.simulated import Floor, SimulatedWheels
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.clock import Clock
@@ -123,7 +124,7 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
         raise ConfigError(f"base {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
     robot = scenario.robot[name]
     plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=robot.wheels, drive_error=0.0, slip=0.0)
-    async with open_bus(scenario.bus) as bus:
-        bus.announce("base", name)
+    async with open_bus(scenario.bus, Role.BASE) as bus:
+        bus.announce(Role.BASE, name)
         ready("base", name)
         await run_base(bus, name, SimulatedWheels(Floor(plant, bus.clock), 0), bus.clock)

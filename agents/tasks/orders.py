@@ -45,4 +45,4 @@ def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner
         refused = runner.go_to(Destination(goal.x, goal.y, goal.theta), seen)
         return Reply(accepted=not refused, reason=refused)
 
-    bus.answer(channels.GOAL_ORDER, answer, name)
+    bus.answer(channels.GOAL_ORDER, answer, name=name)

@@ -9,6 +9,7 @@ from collections.abc import Awaitable
 
 from basestation.fleet.state_store import StateStore
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.transport import Bus
 
@@ -55,7 +56,7 @@ class KeptStateTask:
             await asyncio.sleep(_SHORTEST_ADOPTION)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LONGEST_ADOPTION - _SHORTEST_ADOPTION):
-                    while not self._roster.of("agent") <= self._heard:  # noqa: ASYNC110 - a roster and a mailbox at once
+                    while not self._roster.of(Role.AGENT) <= self._heard:  # noqa: ASYNC110 - a roster and a mailbox at once
                         await asyncio.sleep(_CHECK_PERIOD)
             self.adopted = True
             while True:
@@ -75,7 +76,7 @@ class KeptStateTask:
         """Listen to what the robots latched: a stop that this process never received is kept from now on."""
         async for received in self._healths:
             health = received.message
-            if health.role != "agent":
+            if health.role != Role.AGENT:
                 continue
             saved = self._store.adopt(received.name, health)
             self._heard.add(received.name)

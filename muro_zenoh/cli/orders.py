@@ -28,11 +28,12 @@ def on_bus(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSetting
         main: the command.
         settings: of the bus.
     """
+    from muro_zenoh.channels import Role
     from muro_zenoh.runtime.process import run_process
     from muro_zenoh.transport import open_bus
 
     async def run() -> int:
-        async with open_bus(settings) as bus:
+        async with open_bus(settings, Role.OPERATOR) as bus:
             return await main(bus)
 
     raise SystemExit(run_process(run, "muro"))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from muro_zenoh.elementwise import Array, Scalar
+from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import TWO_PI
 
 CELLS = 720
@@ -43,12 +44,12 @@ class Importance:
             weight: weight at an angle [rad, 0 to 2 pi]; positive, of any scale.
 
         Raises:
-            ValueError: a weight is not a finite number above 0.
+            ParameterError: a weight is not a finite number above 0.
         """
         weights = []
         for k in range(CELLS):
             angle = TWO_PI * k / CELLS
-            weights.append(_positive(float(weight(angle)), f"importance at angle {angle:.4f} rad"))
+            weights.append(_positive(float(weight(angle)), "importance", f" at angle {angle:.4f} rad"))
         return cls._normalised(weights)
 
     @classmethod
@@ -60,22 +61,22 @@ class Importance:
             weights: the weight at each; positive, of any scale.
 
         Raises:
-            ValueError: an empty table, lengths that differ, two equal angles, or a weight that is not above 0.
+            ParameterError: an empty table, lengths that differ, two equal angles, or a weight that is not above 0.
         """
         if not angles or len(angles) != len(weights):
-            raise ValueError(
-                f"importance table: got {len(angles)} angles and {len(weights)} weights, expected as many, at least one"
+            raise ParameterError(
+                "weights", got=f"{len(weights)} for {len(angles)} angles", expected="as many as angles, at least one"
             )
         for angle in angles:
             if not math.isfinite(angle):
-                raise ValueError(f"importance table: got the angle {angle!r}, expected a finite number")
+                raise ParameterError("angles", got=repr(angle), expected="a finite number [rad]")
         rows = sorted(
-            (angle % TWO_PI, _positive(float(w), f"importance at angle {angle!r} rad"))
+            (angle % TWO_PI, _positive(float(w), "weights", f" at angle {angle:g} rad"))
             for angle, w in zip(angles, weights, strict=True)
         )
         for (a, _), (b, _) in itertools.pairwise(rows):
             if b - a < 1e-9:
-                raise ValueError(f"importance table: got the angle {a:.6f} rad twice, expected each once")
+                raise ParameterError("angles", got=f"{a:.6f} rad twice", expected="each angle once")
         rows = [(rows[-1][0] - TWO_PI, rows[-1][1]), *rows, (rows[0][0] + TWO_PI, rows[0][1])]
         starts = [a for a, _ in rows]
 
@@ -154,7 +155,7 @@ class Importance:
         return TWO_PI * (cell // CELLS) + self.masses.item(i) + inside
 
 
-def _positive(value: float, what: str) -> float:
+def _positive(value: float, what: str, where: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{what}: got {value!r}, expected a finite number above 0")
+        raise ParameterError(what, got=f"{value!r}{where}", expected="a finite number above 0")
     return value

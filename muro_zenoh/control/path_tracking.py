@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from muro_zenoh.control.speed_profile import SpeedProfile, path_speed
 from muro_zenoh.elementwise import Scalar, of
 from muro_zenoh.geometry import Pose2, Twist2, wrap_to_pi
 from muro_zenoh.planning.path import Path
+from muro_zenoh.quantities import Positive, Quantity, check_quantities
 
 GUARD: Final = 0.1
 """The least ``1 - c l`` to divide by [-]: it is 0 at the centre of an arc."""
@@ -28,21 +29,18 @@ class TrackingGains:
     """Gains of :func:`frenet_law`.
 
     Args:
-        ka: lateral gain [1/m^2], above 0: near the path the error falls over about ``1 / sqrt(ka)`` of way.
-        zeta: damping [-], above 0; ``kb = 2 zeta |v| sqrt(ka)``.
+        ka: lateral gain [1/m^2]: near the path the error falls over a distance of about ``1 / sqrt(ka)``.
+        zeta: damping [-]; ``kb = 2 zeta |v| sqrt(ka)``.
 
     Raises:
-        ValueError: a gain not above 0.
+        ParameterError: a gain not above 0.
     """
 
-    ka: float = 30.0
-    zeta: float = 0.9
+    ka: Annotated[float, Quantity("1/m^2", above=0.0)] = 30.0
+    zeta: Positive = 0.9
 
     def __post_init__(self) -> None:
-        for name in ("ka", "zeta"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"TrackingGains.{name}: got {value!r}, expected a finite number above 0")
+        check_quantities(self)
 
     @property
     def lateral_max(self) -> float:

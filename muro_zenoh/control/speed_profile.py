@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
+from muro_zenoh.errors import ParameterError
 from muro_zenoh.planning.path import STRAIGHT, Path
+from muro_zenoh.quantities import Acceleration, Duration, Length, Quantity, Speed, check_quantities
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,41 +21,34 @@ class SpeedProfile:
     """What limits the speed along a path.
 
     Args:
-        v_min: speed on arcs [m/s], above 0.
+        v_min: speed on arcs [m/s].
         v_max: greatest speed on straights [m/s], at least ``v_min``.
-        acceleration: speeding up on straights [m/s^2], above 0.
-        deceleration: slowing down before arcs and the goal [m/s^2], above 0.
-        approach: speed per distance to go near the goal [1/s], above 0; the p of seed 004.
-        tolerance: arrived with this way to go [m], above 0.
-        creep: least speed until arrived [m/s], above 0: proportional alone would take for ever.
-        reaction: time until a slower command is felt at the wheels [s], not below 0; braking begins so much earlier.
-        omega_max: greatest turning rate [rad/s], above 0: on tight arcs the speed is below ``v_min``.
+        acceleration: speeding up on straights [m/s^2].
+        deceleration: slowing down before arcs and the goal [m/s^2].
+        approach: speed per distance to go near the goal [1/s]; the p of seed 004.
+        tolerance: arrived within this distance along the path [m].
+        creep: least speed until arrived [m/s]: proportional alone would take for ever.
+        reaction: time until a slower command is felt at the wheels [s]; braking begins that much earlier.
+        omega_max: greatest turning rate [rad/s]: on tight arcs the speed is below ``v_min``.
 
     Raises:
-        ValueError: a number outside those ranges.
+        ParameterError: a number outside its limits.
     """
 
-    v_min: float = 0.1
-    v_max: float = 0.3
-    acceleration: float = 0.2
-    deceleration: float = 0.3
-    approach: float = 1.5
-    tolerance: float = 0.01
-    creep: float = 0.02
-    reaction: float = 0.1
-    omega_max: float = math.inf
+    v_min: Speed = 0.1
+    v_max: Speed = 0.3
+    acceleration: Acceleration = 0.2
+    deceleration: Acceleration = 0.3
+    approach: Annotated[float, Quantity("1/s", above=0.0)] = 1.5
+    tolerance: Length = 0.01
+    creep: Speed = 0.02
+    reaction: Duration = 0.1
+    omega_max: Annotated[float, Quantity("rad/s", above=0.0, finite=False)] = math.inf
 
     def __post_init__(self) -> None:
-        for name in ("v_min", "acceleration", "deceleration", "approach", "tolerance", "creep", "omega_max"):
-            value = getattr(self, name)
-            if not value > 0.0:
-                raise ValueError(f"SpeedProfile.{name}: got {value!r}, expected a number above 0")
-        if not self.reaction >= 0.0:
-            raise ValueError(f"SpeedProfile.reaction: got {self.reaction!r} s, expected a number not below 0")
-        if not self.v_min <= self.v_max < math.inf:
-            raise ValueError(
-                f"SpeedProfile: got v_min {self.v_min!r} and v_max {self.v_max!r}, expected v_min <= v_max"
-            )
+        check_quantities(self)
+        if self.v_min > self.v_max:
+            raise ParameterError("v_min", got=f"{self.v_min:g}", expected=f"at most v_max, {self.v_max:g} [m/s]")
 
     def speed_on(self, curvature: float) -> float:
         """The greatest speed on a piece of the path [m/s].
@@ -70,7 +66,7 @@ class SpeedProfile:
         ``v tau + (v^2 - speed^2) / (2 d) = distance``, with the reaction time tau and the deceleration d.
 
         Args:
-            distance: way until then [m].
+            distance: until then [m].
             speed: the speed to have there [m/s].
         """
         lost = self.deceleration * self.reaction
@@ -90,7 +86,7 @@ def path_speed(path: Path, s: float, v: float, dt: float, profile: SpeedProfile)
 
     Args:
         path: the path.
-        s: the way along it so far [m].
+        s: the distance along it so far [m].
         v: what this function returned the last time; 0 at first [m/s].
         dt: time since then [s].
         profile: the limits.

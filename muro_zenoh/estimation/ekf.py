@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from muro_zenoh import elementwise
 from muro_zenoh.arcs import chord
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.quantities import AngleSize, Duration, Length, Positive, Quantity, SpeedOrRest, check_quantities
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,40 +44,40 @@ class FilterSettings:
         omega_rest: below this wheel speed s_omega is frozen [rad/s].
         history: how late a fix may come, behind the newest one, and still be used [s].
         odometry_timeout: odometry older than this is carried on by commands through the wheel model [s].
-        command_timeout: a command older than this counts as zero: the base's dead-man [s].
+        command_timeout: a command older than this counts as zero: the base's command timeout [s].
         command_delay: from sending a command to the wheels obeying it [s].
-        restart_fixes: so many gated fixes in a row that agree with each other restart the filter.
+        restart_fixes: this many gated fixes in a row that agree with each other restart the filter.
         restart_distance: agree means within this distance [m], the odometry in between taken off.
         restart_angle: and within this heading [rad].
+
+    Raises:
+        ParameterError: a number outside its limits.
     """
 
-    gate: float = 21.1
-    scale_gate: float = 11.3
-    scale_sigma: float = 0.15
-    scale_min: float = 0.5
-    scale_max: float = 1.5
-    scale_walk: float = 0.003
-    slip: float = 0.01
-    veer: float = 0.01
-    drift: float = 0.001
-    drift_theta: float = 0.003
-    v_rest: float = 0.01
-    omega_rest: float = 0.03
-    history: float = 1.0
-    odometry_timeout: float = 0.15
-    command_timeout: float = 0.3
-    command_delay: float = 0.0
-    restart_fixes: int = 5
-    restart_distance: float = 0.06
-    restart_angle: float = 0.25
+    gate: Positive = 21.1
+    scale_gate: Positive = 11.3
+    scale_sigma: Positive = 0.15
+    scale_min: Annotated[float, Quantity(above=0.0, below=1.0)] = 0.5
+    scale_max: Annotated[float, Quantity(above=1.0)] = 1.5
+    scale_walk: Annotated[float, Quantity("1/sqrt(s)", at_least=0.0)] = 0.003
+    slip: Annotated[float, Quantity("m/sqrt(m)", at_least=0.0)] = 0.01
+    veer: Annotated[float, Quantity("rad/sqrt(m)", at_least=0.0)] = 0.01
+    drift: Annotated[float, Quantity("m/sqrt(s)", at_least=0.0)] = 0.001
+    drift_theta: Annotated[float, Quantity("rad/sqrt(s)", at_least=0.0)] = 0.003
+    v_rest: SpeedOrRest = 0.01
+    omega_rest: Annotated[float, Quantity("rad/s", at_least=0.0)] = 0.03
+    history: Duration = 1.0
+    odometry_timeout: Duration = 0.15
+    command_timeout: Duration = 0.3
+    command_delay: Duration = 0.0
+    restart_fixes: Annotated[int, Quantity(at_least=2, whole=True)] = 5
+    restart_distance: Length = 0.06
+    restart_angle: AngleSize = 0.25
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.scale_min < 1.0 < self.scale_max:
-            raise ValueError(f"drive scales bounded by {self.scale_min} and {self.scale_max}: 1 must lie between them")
-        if not 0.0 < self.scale_gate <= self.gate:
-            raise ValueError(f"scale_gate {self.scale_gate} must lie in (0, gate = {self.gate}]")
-        if self.restart_fixes < 2:
-            raise ValueError(f"restart_fixes {self.restart_fixes}: at least 2 are needed to agree with each other")
+        check_quantities(self)
+        if self.scale_gate > self.gate:
+            raise ParameterError("scale_gate", got=f"{self.scale_gate:g}", expected=f"at most gate, {self.gate:g}")
 
 
 class Mean(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from muro_zenoh.channels import CHANNELS
+from muro_zenoh.channels import CHANNELS, VERBS
 from muro_zenoh.figures.canvas import AMBER, BLACK, BLUE, GREEN, GREY, PAGE, PURPLE, sheet
 from muro_zenoh.figures.effort import Effort
 
@@ -21,11 +21,11 @@ GROUPS: Final = (
     (("agent",), GREEN),
     (("operator",), PURPLE),
 )
-"""Programs from top to bottom, each group with a colour; whoever is in none comes last, in grey."""
+"""Programs from top to bottom, each group with a colour; one in no group comes last, in grey."""
 
 
 class Flow(NamedTuple):
-    """A channel, or all orders together: what the key says after the realm, and who is at either end."""
+    """A channel, or orders: their key after the realm, and who is at either end."""
 
     key: str
     writers: tuple[str, ...]
@@ -33,16 +33,24 @@ class Flow(NamedTuple):
 
 
 def flows() -> list[Flow]:
-    """The table of channels as flows, the orders to the base station as one more."""
+    """The table of channels as flows, and the orders, all those to the base station as one."""
     rows = [
         Flow(
             f"{channel.word}/<{channel.named}>" if channel.named else channel.word,
-            tuple(channel.writer.split(", ")),
-            tuple(channel.readers.split(", ")),
+            tuple(map(str, channel.writers)),
+            tuple(map(str, channel.readers)),
         )
         for channel in CHANNELS
     ]
-    return [*rows, Flow("basestation/<verb>", ("operator",), ("basestation",))]
+    orders = {
+        Flow(
+            f"{verb.word}/<{verb.named}>" if verb.named else f"{verb.answered_by}/<order>",
+            (str(verb.asked_by),),
+            (str(verb.answered_by),),
+        ): None
+        for verb in VERBS
+    }
+    return [*rows, *orders]
 
 
 def topics(effort: Effort) -> Figure:

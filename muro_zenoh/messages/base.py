@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from operator import attrgetter
 from typing import Annotated, Any, get_args, get_origin
 
@@ -14,8 +15,26 @@ from msgspec import Meta, Struct
 Covariance = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
 """Nine floats, row-major, of x [m], y [m], theta [rad]."""
 
-Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+_NAME = r"^[a-z][a-z0-9_]{0,31}$"
+
+Name = Annotated[str, Meta(pattern=_NAME)]
 """A robot's, a camera's or a process's name."""
+
+
+@lru_cache(maxsize=64)
+def require_names(names: tuple[str, ...]) -> None:
+    """Refuse texts that are no :data:`Name`; the same ones as before are known.
+
+    Args:
+        names: the texts.
+
+    Raises:
+        ValueError: one is none.
+    """
+    for name in names:
+        if not re.fullmatch(_NAME, name):
+            raise ValueError(f"name: got {name!r}, expected lower-case letters, digits and _, at most 32")
+
 
 Value = bool | int | float | str | tuple[float | str | tuple[float, ...], ...]
 """What a behaviour's parameter may be."""
@@ -43,7 +62,7 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if not math.isfinite(total):
             others = tuple(field.name for field in msgspec.structs.fields(type(self)))
         for name in others:
-            _require_finite(name, getattr(self, name))
+            require_finite(name, getattr(self, name))
 
 
 @cache
@@ -71,13 +90,22 @@ def _holds_float(annotation: Any) -> bool:
     return annotation is float or any(_holds_float(part) for part in get_args(annotation))
 
 
-def _require_finite(field: str, value: Any) -> None:
+def require_finite(field: str, value: Any) -> None:
+    """Refuse NaN and the infinities, in a value and in what it holds.
+
+    Args:
+        field: what the value is, for the error.
+        value: a number, or a tuple or dict of values; others pass.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
     if isinstance(value, float):
         if not math.isfinite(value):
             raise ValueError(f"{field}: got {value}, expected a finite number")
     elif isinstance(value, tuple):
         for item in value:
-            _require_finite(field, item)
+            require_finite(field, item)
     elif isinstance(value, dict):
         for key, item in value.items():
-            _require_finite(f"{field}.{key}", item)
+            require_finite(f"{field}.{key}", item)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -10,6 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from muro_zenoh.elementwise import Array
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.quantities import Number, Positive, check_quantities
 
 Density: TypeAlias = Callable[[Any, Any], Any]
 """How much each place matters: arrays ``x, y`` [m, world] to an array above 0, of any scale."""
@@ -23,21 +24,22 @@ class Peaks:
 
     Args:
         peaks: rows ``x, y, width, height``: place [m, world], width [m] above 0, height not below 0.
-        floor: density far from every peak, above 0.
+        floor: density far from every peak.
 
     Raises:
-        ValueError: a number outside those ranges.
+        ParameterError: a number outside those ranges, or a row of another length.
     """
 
-    peaks: tuple[tuple[float, float, float, float], ...]
-    floor: float = 0.05
+    peaks: tuple[tuple[Number, ...], ...]
+    floor: Positive = 0.05
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.floor) and self.floor > 0.0):
-            raise ValueError(f"Peaks.floor: got {self.floor!r}, expected a finite number above 0")
-        for row in self.peaks:
-            if len(row) != 4 or not all(map(math.isfinite, row)) or row[2] <= 0.0 or row[3] < 0.0:
-                raise ValueError(f"Peaks.peaks: got {row!r}, expected x, y, width above 0, height not below 0")
+        check_quantities(self)
+        for k, row in enumerate(self.peaks):
+            if len(row) != 4 or row[2] <= 0.0 or row[3] < 0.0:
+                raise ParameterError(
+                    f"peaks[{k}]", got=str(list(row)), expected="x, y, width above 0, height at least 0 [m]"
+                )
 
     def __call__(self, x: Array, y: Array) -> Array:
         """The density at places, of their shape.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -32,7 +32,17 @@ FLOOR: Final = 165
 
 _SHIFT = 4  # binary places of the sub-pixel coordinates that fillConvexPoly takes
 _BANK = 96  # a noise crop starts at any of so many rows and columns: 9216 different frames
+_NOWHERE = -1e3  # a coordinate outside every picture [px]
 _RIM = 4  # pixels round a robot that the blur may reach
+
+
+class Box(NamedTuple):
+    """Part of a picture [px]: ``right`` and ``bottom`` are the first column and row outside."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
 
 
 class OverheadCamera:
@@ -80,6 +90,8 @@ class OverheadCamera:
         self._blur = blur
         rng = np.random.default_rng(seed)
         self._floor = self._draw_floor(rng)
+        self._scene = self._floor.copy()
+        self._shapes: _Shapes | None = None
         self._noise = self._draw_noise(rng, noise)
 
     @classmethod
@@ -162,49 +174,82 @@ class OverheadCamera:
         """
         if not len(poses) == len(mounts) == len(radii):
             raise ValueError(f"{len(poses)} poses, {len(mounts)} mounts, {len(radii)} radii, expected as many of each")
-        scene = self._floor.copy()
-        bodies, papers, boxes = self._outlines(poses, mounts, radii)
-        shown = [i for i, (left, top, right, bottom) in enumerate(boxes) if left < right and top < bottom]
-        for i in shown:
-            self._draw_body(scene, bodies[i])
-        for i in shown:
-            self._draw_tag(scene, papers[i], boxes[i], mounts[i].id)
-        picture = scene
-        if self._blur > 0.0:
-            # From the sharp scene into a copy, so that what lies in two boxes is not blurred twice.
-            picture = scene.copy()
-            for i in shown:
-                left, top, right, bottom = boxes[i]
-                sharp, blurred = scene[top:bottom, left:right], picture[top:bottom, left:right]
-                cv2.GaussianBlur(sharp, (0, 0), self._blur, dst=blurred)
-        if self._noise is not None:
-            row, column = rng.integers(0, _BANK, size=2).tolist()
-            window = (slice(row, row + self.height), slice(column, column + self.width))
-            brighter, darker = self._noise
-            cv2.add(picture, brighter[window], dst=picture)
-            cv2.subtract(picture, darker[window], dst=picture)
-        return picture
+        shapes = self._shapes_of(mounts, radii)
+        outlines = self._project_outlines(poses, shapes)
+        papers = self._boxes_round(outlines[:, len(_BODY) :], rim=1)
+        # Everything is drawn on one picture of the floor, which is wiped afterwards where robots were: a few small
+        # copies in place of two of the whole picture.
+        scene = self._scene
+        drawn = [box for box in self._boxes_round(outlines, rim=_RIM) if _is_seen(box)]
+        try:
+            self._draw_bodies(scene, outlines[:, : len(_BODY)])
+            for box, texture, to_box in zip(
+                papers, shapes.textures, self._texels_to_boxes(poses, shapes, papers), strict=True
+            ):
+                if _is_seen(box):
+                    _draw_tag(_window(scene, box), texture, to_box)
+            if self._blur > 0.0:
+                # From copies of the sharp scene, so that what lies in two boxes is not blurred twice.
+                for window, sharp in [(_window(scene, box), _window(scene, box).copy()) for box in drawn]:
+                    cv2.GaussianBlur(sharp, (0, 0), self._blur, dst=window)
+            return self._expose(scene, rng)
+        finally:
+            for box in drawn:
+                np.copyto(_window(scene, box), _window(self._floor, box))
 
-    def _outlines(
-        self, poses: Array, mounts: Sequence[TagMount], radii: Sequence[float]
-    ) -> tuple[Array, Array, list[list[int]]]:
-        """Of all robots: bodies (N, 43, 2) and papers (N, 4, 2) [px], and the boxes round both, cut at the edges."""
-        count = len(poses)
-        half = np.array([0.5 * mount.size * self._prints.paper for mount in mounts]).reshape(count, 1, 1)
-        yaw = np.array([mount.yaw for mount in mounts])
-        offset = np.array([(mount.x, mount.y) for mount in mounts]).reshape(count, 1, 2)
-        paper = turned(turned(half * SQUARE, yaw) + offset, poses[:, 2])
-        body = turned(np.array(radii).reshape(count, 1, 1) * _BODY, poses[:, 2])
-        places = np.concatenate((body, paper), axis=1) + poses[:, None, :2]
-        points = self.project(places)
+    def _shapes_of(self, mounts: Sequence[TagMount], radii: Sequence[float]) -> _Shapes:
+        """What the robots look like, made anew only when they are others than in the last picture."""
+        if self._shapes is None or self._shapes.mounts != mounts or self._shapes.radii != radii:
+            self._shapes = _Shapes(self._prints, list(mounts), list(radii))
+        return self._shapes
+
+    def _project_outlines(self, poses: Array, shapes: _Shapes) -> Array:
+        """Where the bodies and papers are seen (N, 47, 2) [px]; far outside the picture for a robot that cannot be."""
+        places = turned(shapes.outlines, poses[:, 2]) + poses[:, None, :2]
+        homogeneous = places @ self.homography[:, :2].T + self.homography[:, 2]
+        depths = homogeneous[..., 2]
+        points = homogeneous[..., :2] / depths[..., None]
         # A robot behind the camera, or so far out that OpenCV's fixed-point numbers would overflow, is not drawn.
-        sane = ((places @ self.homography[2, :2] + self.homography[2, 2]) > 0.0).all(axis=1)
-        sane &= (np.abs(points) < 1e5).all(axis=(1, 2))
-        points = np.where(sane[:, None, None], points, -1e3)
-        low = np.floor(points.min(axis=1)).astype(np.int64) - _RIM
-        high = np.ceil(points.max(axis=1)).astype(np.int64) + _RIM + 1
-        boxes = np.concatenate((np.maximum(low, 0), np.minimum(high, (self.width, self.height))), axis=1)
-        return points[:, : len(_BODY)], points[:, len(_BODY) :], boxes.tolist()
+        drawable = np.all(depths > 0.0, axis=1) & np.all(np.abs(points) < 1e5, axis=(1, 2))
+        shown: Array = np.where(drawable.reshape(-1, 1, 1), points, _NOWHERE)
+        return shown
+
+    def _boxes_round(self, points: Array, rim: int) -> list[Box]:
+        """The boxes round N groups of points (N, K, 2) [px], cut at the picture's edges."""
+        size = (self.width, self.height)
+        low = np.clip(np.floor(points.min(axis=1)).astype(np.int64) - rim, 0, size)
+        high = np.clip(np.ceil(points.max(axis=1)).astype(np.int64) + rim + 1, 0, size)
+        return [Box(*corners) for corners in np.concatenate((low, high), axis=1).tolist()]
+
+    def _texels_to_boxes(self, poses: Array, shapes: _Shapes, boxes: list[Box]) -> Array:
+        """The homographies (N, 3, 3) from the tags' texels to the pixels of their boxes."""
+        to_world = np.zeros((len(poses), 3, 3))
+        to_world[:, 0, 0] = to_world[:, 1, 1] = np.cos(poses[:, 2])
+        to_world[:, 1, 0] = np.sin(poses[:, 2])
+        to_world[:, 0, 1] = -to_world[:, 1, 0]
+        to_world[:, :2, 2] = poses[:, :2]
+        to_world[:, 2, 2] = 1.0
+        matrices: Array = self.homography @ to_world @ shapes.texels_to_base
+        corners = np.array([(box.left, box.top) for box in boxes], dtype=np.float64).reshape(-1, 2, 1)
+        matrices[:, :2] -= corners * matrices[:, 2:]
+        return matrices
+
+    def _draw_bodies(self, scene: Picture, outlines: Array) -> None:
+        for outline in np.rint(outlines * (1 << _SHIFT)).astype(np.int32):
+            cv2.fillConvexPoly(scene, outline[:_DISC], (BODY,), cv2.LINE_AA, _SHIFT)
+            cv2.fillConvexPoly(scene, outline[_DISC:], (MARK,), cv2.LINE_AA, _SHIFT)
+
+    def _expose(self, scene: Picture, rng: np.random.Generator) -> Picture:
+        """A picture of the scene, with the sensor's noise."""
+        if self._noise is None:
+            return scene.copy()
+        row, column = rng.integers(0, _BANK, size=2).tolist()
+        window = (slice(row, row + self.height), slice(column, column + self.width))
+        brighter, darker = self._noise
+        picture = cv2.add(scene, brighter[window])
+        cv2.subtract(picture, darker[window], dst=picture)
+        exposed: Picture = picture  # type: ignore[assignment]  # OpenCV's stubs know no element types
+        return exposed
 
     def _draw_floor(self, rng: np.random.Generator) -> Picture:
         """Light that falls off to the corners and from one side, and a speckle of two grain sizes."""
@@ -226,22 +271,49 @@ class OverheadCamera:
         grey = np.rint(noise * rng.standard_normal(shape, dtype=np.float32))
         return grey.clip(0, 255).astype(np.uint8), (-grey).clip(0, 255).astype(np.uint8)
 
-    def _draw_body(self, scene: Picture, outline: Array) -> None:
-        fixed = np.rint(outline * (1 << _SHIFT)).astype(np.int32)
-        disc, mark = fixed[:_DISC], fixed[_DISC:]
-        cv2.fillConvexPoly(scene, disc, (BODY,), cv2.LINE_AA, _SHIFT)
-        cv2.fillConvexPoly(scene, mark, (MARK,), cv2.LINE_AA, _SHIFT)
 
-    def _draw_tag(self, scene: Picture, paper: Array, box: list[int], tag: int) -> None:
-        left, top, right, bottom = box
-        texture = self._prints.texture(tag)
-        end = texture.shape[0] - 0.5
-        texels = np.array(((-0.5, -0.5), (end, -0.5), (end, end), (-0.5, end)), dtype=np.float32)
-        # getPerspectiveTransform takes single precision, which suffices near the origin of the box.
-        to_box = cv2.getPerspectiveTransform(texels, (paper - (left, top)).astype(np.float32))
-        window = scene[top:bottom, left:right]
-        size = (right - left, bottom - top)
-        cv2.warpPerspective(texture, to_box, size, dst=window, borderMode=cv2.BORDER_TRANSPARENT)
+class _Shapes:
+    """What does not change from picture to picture of some robots.
+
+    Attributes:
+        mounts: their tags.
+        radii: of their bodies [m].
+        outlines: (N, 47, 2) bodies and papers in the base frames [m].
+        textures: N, the tags' prints.
+        texels_to_base: (N, 3, 3) from homogeneous texels to homogeneous metres in the base frames.
+    """
+
+    def __init__(self, prints: TagPrints, mounts: list[TagMount], radii: list[float]) -> None:
+        self.mounts = mounts
+        self.radii = radii
+        count = len(mounts)
+        half = np.array([0.5 * mount.size * prints.paper for mount in mounts]).reshape(count, 1, 1)
+        yaw = np.array([mount.yaw for mount in mounts])
+        offset = np.array([(mount.x, mount.y) for mount in mounts]).reshape(count, 1, 2)
+        papers = turned(half * SQUARE, yaw) + offset
+        bodies = np.array(radii).reshape(count, 1, 1) * _BODY
+        self.outlines: Array = np.concatenate((bodies, papers), axis=1)
+        self.textures = [prints.texture(mount.id) for mount in mounts]
+        self.texels_to_base: Array = np.zeros((count, 3, 3))
+        for matrix, paper, texture in zip(self.texels_to_base, papers, self.textures, strict=True):
+            upper_left, upper_right, _, lower_left = paper
+            right, down = (upper_right - upper_left) / len(texture), (lower_left - upper_left) / len(texture)
+            # The upper left corner of the paper is at (-0.5, -0.5).
+            matrix[:2] = np.column_stack((right, down, upper_left + 0.5 * (right + down)))
+            matrix[2, 2] = 1.0
+
+
+def _is_seen(box: Box) -> bool:
+    return box.left < box.right and box.top < box.bottom
+
+
+def _window(picture: Picture, box: Box) -> Picture:
+    return picture[box.top : box.bottom, box.left : box.right]
+
+
+def _draw_tag(window: Picture, texture: Picture, to_window: Array) -> None:
+    height, width = window.shape
+    cv2.warpPerspective(texture, to_window, (width, height), dst=window, borderMode=cv2.BORDER_TRANSPARENT)
 
 
 def encode_jpeg(picture: Picture, quality: int = 85) -> bytes:

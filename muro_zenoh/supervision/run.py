@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import click
 
+from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.scoring.collector import Collector
@@ -118,7 +119,7 @@ async def _run(order: Order, supervisor: Supervisor, screen: Screen) -> dict[str
         specs = launch.fleet_specs(scenario, file, order.seed, order.folder)
         starting = asyncio.create_task(supervisor.start(specs), name="start the fleet")
     try:
-        async with open_bus(scenario.bus) as bus:
+        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
             collector = Collector(bus, scenario)
             collecting = asyncio.create_task(collector.run(), name="collect")
             try:

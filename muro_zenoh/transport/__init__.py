@@ -2,7 +2,7 @@
 
 ::
 
-    async with open_bus(settings) as bus:
+    async with open_bus(settings, Role.AGENT) as bus:
         fixes = bus.every(channels.POSE, "r1")
         commands = bus.publisher(channels.CMD_VEL, "r1")
         async for fix in fixes:
@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.bus import Bus, Publisher, make_bus
@@ -38,11 +39,15 @@ __all__ = [
 
 
 @asynccontextmanager
-async def open_bus(settings: BusSettings, clock: Clock | None = None) -> AsyncIterator[Bus]:
+async def open_bus(
+    settings: BusSettings, role: Role, *more_roles: Role, clock: Clock | None = None
+) -> AsyncIterator[Bus]:
     """A bus over Zenoh, closed at the end of the block.
 
     Args:
         settings: the ``[bus]`` section of the settings.
+        role: of this process: what it may write, answer and announce.
+        more_roles: where it has several.
         clock: for stamps and arrival times; the system's by default.
 
     Raises:
@@ -52,5 +57,6 @@ async def open_bus(settings: BusSettings, clock: Clock | None = None) -> AsyncIt
     # Not at the top: what only needs the in-memory bus does not pay for Zenoh.
     from muro_zenoh.transport.zenoh_link import ZenohLink
 
-    async with make_bus(await ZenohLink.open(settings), settings.realm, clock) as bus:
+    link = await ZenohLink.open(settings)
+    async with make_bus(link, settings.realm, roles=(role, *more_roles), clock=clock) as bus:
         yield bus

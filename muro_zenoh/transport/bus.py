@@ -7,17 +7,18 @@ published besides.
 from __future__ import annotations
 
 import asyncio
-import logging
 import random
 from collections import defaultdict
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from muro_zenoh.channels import (
+    ALL_ROLES,
     Channel,
+    Role,
     Verb,
     alive_in,
     alive_key,
@@ -26,14 +27,13 @@ from muro_zenoh.channels import (
     key_of,
     verb_key,
 )
-from muro_zenoh.errors import ConfigError, MessageError, MuroError, NoReply, TransportError
-from muro_zenoh.messages import Message, Reply, check_encoding, decode, encode, encoding_of
+from muro_zenoh.errors import ConfigError, NoReply, TransportError
+from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.transport.inbox import Counters, Every, Inbox, Latest
 from muro_zenoh.transport.link import Closable, Link, LinkPublisher, Question
+from muro_zenoh.transport.orders import Orders, nobody_answered
 from muro_zenoh.transport.tap import Roster, Tap
-
-log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=Message)
 I = TypeVar("I", bound=Inbox[Any])  # noqa: E741 - an inbox
@@ -92,6 +92,7 @@ class Bus:
     Args:
         link: the middleware.
         realm: the first word of every key.
+        roles: of this process; a channel or an order that none of them has a part in is refused.
         clock: for stamps and arrival times.
 
     Attributes:
@@ -99,8 +100,9 @@ class Bus:
         counters: what became of the messages, by the channel's word.
     """
 
-    def __init__(self, link: Link, realm: str, clock: Clock) -> None:
+    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock) -> None:
         self.realm = check_realm(realm)
+        self.roles = frozenset(roles)
         self.clock = clock
         # 48 bits: exact in every language's numbers
         self.epoch = random.SystemRandom().getrandbits(48) | 1
@@ -111,7 +113,7 @@ class Bus:
         self._open: dict[Closable, None] = {}  # in the order of their declaration
         self._everybodys: list[tuple[str, Inbox[Any]]] = []  # mailboxes of `*`, with the start of their keys
         self._own_keys: set[str] = set()
-        self._replying: set[asyncio.Task[None]] = set()
+        self._orders: list[Orders[Any]] = []
         self._closed = False
 
     # ---- channels
@@ -124,9 +126,10 @@ class Bus:
             name: the robot's (camera's, process's) name, where the channel has names.
 
         Raises:
-            ConfigError: not a name, or a name too many or too few.
+            ConfigError: this process has no role that writes the channel; not a name, or a name too many or too few.
         """
         self._check_open()
+        self._check_role({party.role for party in channel.writers}, f"channel {channel.word}", "publish on it")
         if name == "*":
             raise ConfigError(f"channel {channel.word}", got="the name '*' to publish on", expected="one name")
         key = key_of(self.realm, channel, name)
@@ -197,22 +200,34 @@ class Bus:
                 readers.remove(thing)
         self._everybodys = [entry for entry in self._everybodys if entry[1] is not thing]
 
+    def _check_role(self, roles: Iterable[Role], where: str, what: str) -> None:
+        if self.roles.isdisjoint(roles):
+            raise ConfigError(
+                where,
+                got=f"a process with the role {_either(self.roles)} to {what}",
+                expected=f"one with the role {_either(roles)}",
+                hint="The roles are given where the bus is opened; who does what stands in docs/channels.md",
+            )
+
     def _check_open(self) -> None:
         if self._closed:
             raise TransportError("this bus is closed: declare what a task needs before, or open another")
 
     # ---- presence
 
-    def announce(self, role: str, name: str) -> None:
+    def announce(self, role: Role, name: str) -> None:
         """Declare this process alive as ``<realm>/alive/<role>/<name>``; the token goes when the process does.
 
         Args:
-            role: ``agent``, ``base``, ``basestation``, ``simulator``, ``router`` or ``operator``.
-            name: who of them.
+            role: one of this process's.
+            name: the robot's, where the role is of a robot; else the process's.
+
+        Raises:
+            ConfigError: not a role of this process, or not a name.
         """
         self._check_open()
-        key = alive_key(self.realm, check_name(role, "role"), check_name(name))
-        self._open[self._link.declare_token(key)] = None
+        self._check_role((role,), f"presence of {name}", "announce it")
+        self._open[self._link.declare_token(alive_key(self.realm, role, check_name(name)))] = None
 
     def roster(self) -> Roster:
         """Who is alive, kept up to date."""
@@ -225,80 +240,54 @@ class Bus:
 
     # ---- orders
 
-    async def ask(self, verb: Verb[T], order: T, timeout: float = 1.0) -> Reply:
-        """Give an order to the base station and wait for its answer.
+    async def ask(self, verb: Verb[T], order: T, *, name: str = "", timeout: float = 1.0) -> Reply:
+        """Give an order and wait for its answer.
 
         Args:
             verb: which order.
             order: what exactly.
+            name: whom it is for, where the order has names.
             timeout: how long to wait [s].
 
         Raises:
+            ConfigError: this process has no role that gives such an order; not a name, or a name too many or too few.
             NoReply: nobody answered in time.
             MessageError: what came was no reply.
         """
         self._check_open()
-        order = msgspec.structs.replace(order, stamp=self.clock.now(), epoch=self.epoch)
-        key = verb_key(self.realm, verb)
-        payload = await self._link.ask(key, encode(order), encoding_of(verb.kind), timeout)
+        self._check_role((verb.asked_by,), f"order {verb.word}", "give it")
+        key = verb_key(self.realm, verb, name)
+        payload = await self._link.ask(key, encode(self._stamped(order)), encoding_of(verb.kind), timeout)
         if payload is None:
-            raise NoReply(
-                f"{key}: nobody answered (waited at most {timeout:g} s), expected the base station to. "
-                "Is `muro basestation` running, and on this router?"
-            )
+            raise NoReply(nobody_answered(verb, key, name, timeout))
         return decode(payload, Reply)
 
-    def answer(self, verb: Verb[T], handle: Callable[[T], Reply] | Callable[[T], Awaitable[Reply]]) -> None:
-        """Take an order: ``handle`` is called on the loop, and what it returns, or is awaited to, is the reply.
+    def answer(self, verb: Verb[T], handle: Callable[[T], Reply | Awaitable[Reply]], *, name: str = "") -> None:
+        """Take an order: ``handle`` is called on the loop, and what it returns, or what is awaited then, is the answer.
 
         Args:
             verb: which order.
-            handle: takes the order, returns the reply; it must not block. One that awaits delays no other order, this
-                verb's neither. A :class:`MuroError` that it raises refuses the order with the error's text; any other
+            handle: takes the order, returns the reply or an awaitable of it; it must not block. A
+                :class:`~muro_zenoh.errors.MuroError` that is raised refuses the order with the error's text; any other
                 is logged as well, for it is a bug.
+            name: whose orders, where the order has names.
+
+        Raises:
+            ConfigError: this process has no role that answers such an order; not a name, or a name too many or too few.
         """
         self._check_open()
-        key = verb_key(self.realm, verb)
-        counters = self.counters[f"basestation/{verb.word}"]
+        self._check_role((verb.answered_by,), f"order {verb.word}", "answer it")
+        key = verb_key(self.realm, verb, name)
+        word = verb.word if verb.named else f"{verb.answered_by}/{verb.word}"
+        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word])
+        self._orders.append(orders)
+        self._open[self._link.answer(key, orders.file)] = None
 
-        def on_loop(question: Question) -> None:
-            if self._closed:
-                return
-            counters.received += 1
-            task = self._loop.create_task(reply_to(question), name=f"reply on {key}")
-            self._replying.add(task)
-            task.add_done_callback(self._replying.discard)
+    def _send_reply(self, question: Question, reply: Reply) -> None:
+        question.reply(encode(self._stamped(reply)), encoding_of(Reply))
 
-        async def reply_to(question: Question) -> None:
-            try:
-                check_encoding(question.encoding, verb.kind)
-                order = decode(question.payload, verb.kind)
-            except MessageError as error:
-                counters.rejected += 1
-                reply = Reply(accepted=False, reason=str(error))
-            else:
-                reply = await obey(order)
-            question.reply(
-                encode(msgspec.structs.replace(reply, stamp=self.clock.now(), epoch=self.epoch)), encoding_of(Reply)
-            )
-
-        async def obey(order: T) -> Reply:
-            try:
-                reply = handle(order)
-                return reply if isinstance(reply, Reply) else await reply
-            except MuroError as error:
-                return Reply(accepted=False, reason=str(error))
-            except Exception as error:
-                log.exception("%s: taking %r failed", key, order)
-                return Reply(accepted=False, reason=f"taking it failed: {type(error).__name__}: {error}")
-
-        def file(question: Question) -> None:
-            try:
-                self._loop.call_soon_threadsafe(on_loop, question)
-            except RuntimeError:
-                log.debug("%s: a question came after the loop had closed", key)
-
-        self._open[self._link.answer(key, file)] = None
+    def _stamped(self, message: T) -> T:
+        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch)
 
     # ---- looking at anything
 
@@ -341,9 +330,8 @@ class Bus:
         for thing in reversed(list(self._open)):
             thing.close()
         self._open.clear()
-        for task in self._replying:
-            task.cancel()
-        await asyncio.gather(*self._replying, return_exceptions=True)
+        if answering := [task for orders in self._orders for task in orders.close()]:
+            await asyncio.wait(answering)
         await self._link.close()
 
     async def __aenter__(self) -> Bus:
@@ -355,6 +343,17 @@ class Bus:
         await self.close()
 
 
-def make_bus(link: Link, realm: str = "muro", clock: Clock | None = None) -> Bus:
-    """A bus over any link; for the in-memory one, and for tests."""
-    return Bus(link, realm, clock or SystemClock())
+def _either(roles: Iterable[Role]) -> str:
+    return " or ".join(sorted(roles))
+
+
+def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROLES, clock: Clock | None = None) -> Bus:
+    """A bus over any link; for the in-memory one, and for tests.
+
+    Args:
+        link: the middleware.
+        realm: the first words of every key.
+        roles: of the process; all of them by default, as a test has that plays everybody.
+        clock: for stamps and arrival times; the system's by default.
+    """
+    return Bus(link, realm, roles, clock or SystemClock())

@@ -14,7 +14,9 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Self, TypeVar
+from typing import Generic, Self, TypeVar
+
+from msgspec import Struct
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
@@ -56,7 +58,7 @@ class Counters:
     delay: float = 0.0
 
 
-class Received(NamedTuple, Generic[T]):
+class Received(Struct, Generic[T], frozen=True, gc=False):
     """A message as it came in.
 
     Attributes:
@@ -114,6 +116,7 @@ class Inbox(ABC, Generic[T]):
         self._counters = counters
         self._where = where
         self._depth = depth
+        self._thread = threading.get_ident()
         self._lock = threading.Lock()
         self._raw: dict[str, list[_Filed]] = {}
         self._awake = False
@@ -146,6 +149,9 @@ class Inbox(ABC, Generic[T]):
             if self._awake or self._waiter is None:
                 return
             self._awake = True
+        if threading.get_ident() == self._thread:  # an in-memory link's: nobody sleeps who must be woken
+            self._wake()
+            return
         try:  # noqa: SIM105 - suppress() costs a microsecond on the way of every message
             self._loop.call_soon_threadsafe(self._wake)
         except RuntimeError:

@@ -37,9 +37,13 @@ class _Reader:
 
 @dataclass
 class MemoryNetwork:
-    """What the links of one network share."""
+    """What the links of one network share.
+
+    A sample is filed with its readers while it is put: filing wakes a task at most, and runs none.
+    """
 
     _readers: list[_Reader] = field(default_factory=list)
+    _readers_of: dict[str, tuple[_Reader, ...]] = field(default_factory=dict)
     _kept: dict[str, tuple[MemoryLink, bytes, str | None]] = field(default_factory=dict)
     _tokens: list[tuple[str, MemoryLink]] = field(default_factory=list)
     _watchers: list[tuple[MemoryLink, str, FileToken]] = field(default_factory=list)
@@ -51,10 +55,21 @@ class MemoryNetwork:
 
     def put(self, key: str, payload: bytes, encoding: str | None = None, *, sender: MemoryLink | None = None) -> None:
         """Deliver bytes to every reader but the sender's own; without a sender, as a stranger would."""
-        loop = asyncio.get_running_loop()
-        for reader in list(self._readers):
-            if reader.link is not sender and matches(reader.expression, key):
-                loop.call_soon(reader.file, key, payload, encoding)
+        readers = self._readers_of.get(key)
+        if readers is None:
+            readers = tuple(reader for reader in self._readers if matches(reader.expression, key))
+            self._readers_of[key] = readers
+        for reader in readers:
+            if reader.link is not sender:
+                reader.file(key, payload, encoding)
+
+    def _subscribe(self, reader: _Reader) -> None:
+        self._readers.append(reader)
+        self._readers_of.clear()  # matched anew at each key's next sample
+
+    def _unsubscribe(self, gone: Callable[[_Reader], bool]) -> None:
+        self._readers = [reader for reader in self._readers if not gone(reader)]
+        self._readers_of.clear()
 
 
 @dataclass(slots=True)
@@ -109,13 +124,12 @@ class MemoryLink:
 
     def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
         reader = _Reader(self, key_expr, file)
-        self.network._readers.append(reader)
+        self.network._subscribe(reader)
         if keep:
-            loop = asyncio.get_running_loop()
             for key, (_, payload, said) in self.network._kept.items():
                 if matches(key_expr, key):
-                    loop.call_soon(file, key, payload, said)
-        return _Undo(lambda: self.network._readers.remove(reader))
+                    file(key, payload, said)
+        return _Undo(lambda: self.network._unsubscribe(lambda other: other is reader))
 
     def declare_token(self, key: str) -> Closable:
         token = (key, self)
@@ -165,7 +179,7 @@ class MemoryLink:
         """Leave the network, and take along what was kept and declared here, as a killed process would."""
         self.closed = True
         net = self.network
-        net._readers[:] = [r for r in net._readers if r.link is not self]
+        net._unsubscribe(lambda reader: reader.link is self)
         net._watchers[:] = [w for w in net._watchers if w[0] is not self]
         net._answers[:] = [a for a in net._answers if a[1] is not self]
         net._kept = {k: v for k, v in net._kept.items() if v[0] is not self}

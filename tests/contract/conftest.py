@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import uuid
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import AsyncExitStack
 from typing import Protocol
 
@@ -12,6 +12,7 @@ import pytest
 import pytest_asyncio
 import zenoh
 
+from muro_zenoh.channels import ALL_ROLES, Role
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus, open_bus
 from tests.support.leaks import no_task_left, no_thread_or_process_left
@@ -25,7 +26,7 @@ class Network(Protocol):
 
     realm: str
 
-    async def open(self, clock: Clock | None = None) -> Bus:
+    async def open(self, clock: Clock | None = None, *, roles: Iterable[Role] = ALL_ROLES) -> Bus:
         """A bus, as a process of its own would have it; closed after the test."""
         ...
 
@@ -42,8 +43,9 @@ class Memory:
         self._network = MemoryNetwork()
         self._stack = stack
 
-    async def open(self, clock: Clock | None = None) -> Bus:
-        return await self._stack.enter_async_context(make_bus(self._network.link(), self.realm, clock))
+    async def open(self, clock: Clock | None = None, *, roles: Iterable[Role] = ALL_ROLES) -> Bus:
+        bus = make_bus(self._network.link(), self.realm, roles=roles, clock=clock)
+        return await self._stack.enter_async_context(bus)
 
     def put(self, key: str, payload: bytes, encoding: str | None = None) -> None:
         self._network.put(key, payload, encoding)
@@ -58,8 +60,9 @@ class Zenoh:
         self._stack = stack
         self._stranger: zenoh.Session | None = None
 
-    async def open(self, clock: Clock | None = None) -> Bus:
-        return await self._stack.enter_async_context(open_bus(self._router.settings(self.realm), clock))
+    async def open(self, clock: Clock | None = None, *, roles: Iterable[Role] = ALL_ROLES) -> Bus:
+        bus = open_bus(self._router.settings(self.realm), *roles, clock=clock)
+        return await self._stack.enter_async_context(bus)
 
     def put(self, key: str, payload: bytes, encoding: str | None = None) -> None:
         if self._stranger is None:

@@ -7,6 +7,7 @@ import asyncio
 import pytest
 
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.errors import ConfigError, TransportError
 from muro_zenoh.messages import (
     Circle,
@@ -77,7 +78,7 @@ async def test_a_closed_bus_says_so(network: Network) -> None:
         lambda: bus.latest(channels.VELOCITY, "r1"),
         lambda: bus.every(channels.VELOCITY, "*"),
         lambda: bus.tap("**"),
-        lambda: bus.announce("agent", "r1"),
+        lambda: bus.announce(Role.AGENT, "r1"),
         lambda: bus.roster(),
         lambda: bus.answer(channels.STOP_ORDER, lambda order: Reply(accepted=True)),
     ):
@@ -92,7 +93,7 @@ async def test_a_hundred_buses_open_and_close(network: Network) -> None:
         bus = await within(5, network.open(), "opening")
         box = bus.every(channels.VELOCITY, "*")
         out = bus.publisher(channels.CIRCLE)
-        bus.announce("agent", "r1")
+        bus.announce(Role.AGENT, "r1")
         out.put(Circle(x=0.0, y=0.0, radius=1.0))
         waiting = asyncio.create_task(box.next())
         await asyncio.sleep(0)
@@ -110,8 +111,7 @@ async def test_names_are_checked(network: Network) -> None:
         lambda: bus.publisher(channels.CIRCLE, "r1"),
         lambda: bus.latest(channels.VELOCITY, "**"),
         lambda: bus.every(channels.VELOCITY, "r1/x"),
-        lambda: bus.announce("agent", "R1"),
-        lambda: bus.announce("a/b", "r1"),
+        lambda: bus.announce(Role.AGENT, "R1"),
     ):
         with pytest.raises(ConfigError):
             use()

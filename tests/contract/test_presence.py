@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from muro_zenoh.channels import Role
 from muro_zenoh.transport import Roster
 from tests.contract.conftest import Network
 from tests.support.waiting import within
@@ -9,12 +10,12 @@ from tests.support.waiting import within
 
 async def test_presence_comes_and_goes(network: Network) -> None:
     watcher, agent = await network.open(), await network.open()
-    agent.announce("agent", "r1")
+    agent.announce(Role.AGENT, "r1")
     roster = watcher.roster()
     await within(2, roster.until(lambda r: r.of("agent") == {"r1"}), "who was there first")
     late = await network.open()
-    late.announce("agent", "r2")
-    late.announce("base", "r2")
+    late.announce(Role.AGENT, "r2")
+    late.announce(Role.BASE, "r2")
     await within(2, roster.until(lambda r: r.alive == {("agent", "r1"), ("agent", "r2"), ("base", "r2")}), "r2")
     await late.close()
     await within(2, roster.until(lambda r: r.alive == {("agent", "r1")}), "r2 to have gone")
@@ -23,14 +24,14 @@ async def test_presence_comes_and_goes(network: Network) -> None:
 async def test_one_of_two_of_a_name_may_leave(network: Network) -> None:
     watcher, first, second = await network.open(), await network.open(), await network.open()
     roster: Roster = watcher.roster()
-    first.announce("agent", "r1")
+    first.announce(Role.AGENT, "r1")
     await within(2, roster.until(lambda r: r.of("agent") == {"r1"}), "r1")
-    second.announce("agent", "r1")  # restarted, before the first one's end was noticed
-    second.announce("base", "r1")
+    second.announce(Role.AGENT, "r1")  # restarted, before the first one's end was noticed
+    second.announce(Role.BASE, "r1")
     await within(2, roster.until(lambda r: r.of("base") == {"r1"}), "its base")
     await first.close()
     third = await network.open()
-    third.announce("base", "r3")  # after the first one's end
+    third.announce(Role.BASE, "r3")  # after the first one's end
     await within(2, roster.until(lambda r: "r3" in r.of("base")), "r3")
     assert roster.of("agent") == {"r1"}
     await second.close()

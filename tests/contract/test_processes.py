@@ -15,6 +15,7 @@ import pytest
 import pytest_asyncio
 
 from muro_zenoh import channels
+from muro_zenoh.channels import ALL_ROLES, Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.errors import NotConnected, TransportError
 from muro_zenoh.messages import Odometry
@@ -90,7 +91,7 @@ async def test_presence_ends_with_the_process(fleet: Zenoh, reader: Process) -> 
 async def test_a_writer_finds_readers_again_after_the_router_came_back() -> None:
     with router() as running:
         settings = running.settings()
-        async with open_bus(settings) as writer, open_bus(settings) as reader:
+        async with open_bus(settings, *ALL_ROLES) as writer, open_bus(settings, *ALL_ROLES) as reader:
             box = reader.latest(channels.ODOMETRY, "r1")
             kept = reader.latest(channels.CIRCLE)
             out = writer.publisher(channels.ODOMETRY, "r1")
@@ -122,7 +123,7 @@ async def test_opening_and_closing_leaves_no_thread_and_no_file(shared_router: R
     me = psutil.Process()
 
     async def cycle() -> None:
-        async with open_bus(shared_router.settings("cycles")) as bus:
+        async with open_bus(shared_router.settings("cycles"), *ALL_ROLES) as bus:
             bus.every(channels.ODOMETRY, "*")
             bus.publisher(channels.CIRCLE)
 
@@ -163,16 +164,16 @@ async def test_an_open_that_finds_no_router_can_be_cancelled() -> None:
 async def test_a_taken_port_is_said(shared_router: Router) -> None:
     settings = BusSettings(mode="router", connect=(), listen=(shared_router.endpoint,))
     with pytest.raises(TransportError, match="Is the port taken"):
-        async with open_bus(settings):
+        async with open_bus(settings, Role.AGENT):
             pass
 
 
 async def test_a_refused_configuration_is_said() -> None:
     with pytest.raises(TransportError, match=r"no-such-file\.json5"):
-        async with open_bus(BusSettings(config="no-such-file.json5")):
+        async with open_bus(BusSettings(config="no-such-file.json5"), Role.AGENT):
             pass
 
 
 async def _open(endpoint: str) -> None:
-    async with open_bus(BusSettings(connect=(endpoint,))):
+    async with open_bus(BusSettings(connect=(endpoint,)), Role.AGENT):
         pass

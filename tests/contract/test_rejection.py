@@ -148,6 +148,7 @@ async def test_good_messages_on_ever_new_keys_fill_no_memory(network: Network) -
         if i % 100 == 0:
             await asyncio.sleep(0.002)
     await until(lambda: counters.received == received + 1500, "all of them")
+    assert len(box.values()) == 1024
     network.put(f"{network.realm}/velocity/r1", plain(0.5))
     await until(lambda: (got := box.get("r1")) is not None and got.message.speed == 0.5, "the one that was known")
     assert len(box._delays) == len(box.values()) == 1024

@@ -16,6 +16,7 @@ from agents.simulator import Room
 from basestation.station import Station
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Clear
@@ -49,7 +50,7 @@ def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> Non
             mains = [room.run(), station.run()]
             for bus, name in zip(buses[2:4], LAB.robots, strict=True):
                 mains.append(Agent(bus, LAB, name).run())
-                bus.announce("agent", name)
+                bus.announce(Role.AGENT, name)
             observer = buses[4]
             fixes = observer.every(channels.POSE, "*", depth=4096)
             snapshots = observer.latest(channels.ALL_POSITIONS)

@@ -250,7 +250,7 @@ async def real_fleet(
     fleet = RealFleet(folder, table, seed, env or {})
     try:
         fleet.start("router")
-        async with open_bus(BusSettings(connect=(fleet.endpoint,))) as bus:
+        async with open_bus(BusSettings(connect=(fleet.endpoint,)), channels.Role.OPERATOR) as bus:
             fleet.bus = bus
             await fleet.observe()
             fleet.start("simulator", "basestation", *fleet.robots)

@@ -17,7 +17,7 @@ from basestation.fleet.state_store import StateStore
 from basestation.localization.sightings import Sighting, Sightings
 from basestation.station import Station
 from muro_zenoh import channels
-from muro_zenoh.channels import Channel, Verb
+from muro_zenoh.channels import ALL_ROLES, Channel, Role, Verb
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.control import ring
 from muro_zenoh.geometry import Circle, Pose2
@@ -131,24 +131,25 @@ class MemoryFleet:
         self._looking = looking = await self.bus()
         self._healths = looking.latest(channels.HEALTH, "*")
         self._states = looking.latest(channels.BASE, "*")
-        self._station_bus = await self.bus()
+        self._station_bus = await self.bus(Role.BASESTATION)
         self.station = Station(self._station_bus, self.scenario, None, [self.camera])
         self._tasks.create_task(self.station.run(), name="base station")
-        room = await self.bus()
+        room = await self.bus(Role.SIMULATOR, Role.BASE)
         for row, name in enumerate(self.scenario.robots):
             wheels = SimulatedWheels(self.floor, row)
             self._tasks.create_task(run_base(room, name, wheels, self.clock), name=f"base {name}")
         await asyncio.sleep(0)  # from now on the base station answers
 
-    async def bus(self) -> Bus:
-        """A bus, as a process of its own would have it."""
-        return await self._stack.enter_async_context(make_bus(self.network.link(), clock=self.clock))
+    async def bus(self, *roles: Role) -> Bus:
+        """A bus, as a process of its own would have it; by default with every role."""
+        bus = make_bus(self.network.link(), roles=roles or ALL_ROLES, clock=self.clock)
+        return await self._stack.enter_async_context(bus)
 
     async def start_agent(self, name: str) -> None:
         """Start a robot's agent; how its task ends is for the test to look at."""
-        bus = await self.bus()
+        bus = await self.bus(Role.AGENT)
         agent = Agent(bus, self.scenario, name)
-        bus.announce("agent", name)
+        bus.announce(Role.AGENT, name)
         self.agents[name] = asyncio.create_task(agent.run(), name=f"agent {name}")
 
     async def end_agents(self) -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from muro_zenoh import channels
 from muro_zenoh.channels import CHANNELS, VERBS, alive_in, alive_key, check_name, check_realm, key_of, name_in, verb_key
+from muro_zenoh.channels.page import page
 from muro_zenoh.errors import ConfigError
 
 PAGE = Path(__file__).parents[2] / "docs" / "channels.md"
@@ -83,18 +84,16 @@ def test_a_channel_with_one_key_takes_no_name() -> None:
 
 def test_the_page_is_what_the_table_says() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    assert channels.page(text) == text, (
-        "docs/channels.md is out of date: run `python -m muro_zenoh.channels docs/channels.md`"
-    )
+    assert page(text) == text, "docs/channels.md is out of date: run `python -m muro_zenoh.channels docs/channels.md`"
 
 
 def test_the_page_is_made_anew_between_its_marks() -> None:
     text = PAGE.read_text(encoding="utf-8")
     stale = text.replace("`muro/circle`", "`muro/ring`")
     assert stale != text
-    assert channels.page(stale) == text
+    assert page(stale) == text
 
 
 def test_a_page_without_marks_is_refused() -> None:
     with pytest.raises(ConfigError, match="generated"):
-        channels.page("# Channels\n")
+        page("# Channels\n")

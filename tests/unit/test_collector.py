@@ -38,7 +38,7 @@ class Lab:
 
     def bus(self, name: str) -> Bus:
         if name not in self.buses:
-            self.buses[name] = make_bus(self.network.link(), "muro", self.clock)
+            self.buses[name] = make_bus(self.network.link(), "muro", clock=self.clock)
         return self.buses[name]
 
     async def restart(self, name: str) -> None:
@@ -59,7 +59,7 @@ class Lab:
 @pytest_asyncio.fixture
 async def lab() -> AsyncIterator[Lab]:
     network, clock = MemoryNetwork(), ManualClock()
-    async with make_bus(network.link(), "muro", clock) as bus:
+    async with make_bus(network.link(), "muro", clock=clock) as bus:
         collector = Collector(bus, SCENARIO)
         hearing = asyncio.create_task(collector.hear())
         await asyncio.sleep(0)

@@ -231,8 +231,10 @@ def test_a_law_that_makes_nan_is_found_where_it_does() -> None:
         Health(role="agent", state="driving", samples={"pose_age_s": (0.1, math.inf)})
     with pytest.raises(ValueError, match=r"parameters\.weights: got nan"):
         Behaviour(behaviour="pursuit", parameters={"weights": ((1.0, math.nan),)})
-    with pytest.raises(ValueError, match="robot r1: every number"):
-        RobotState("r1", 0.0, 0.0, math.nan, 0.0, 0.0, 0.0, "tracking")
+    with pytest.raises(ValueError, match=r"robots\.r1\.theta: got nan"):
+        FleetSnapshot(robots=(RobotState("r1", 0.0, 0.0, math.nan, 0.0, 0.0, 0.0, "tracking"),))
+    with pytest.raises(ValueError, match="name: got 'R 1'"):
+        FleetSnapshot(robots=(RobotState("R 1", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "tracking"),))
 
 
 def test_a_snapshot_names_the_state_that_it_does_not_know() -> None:

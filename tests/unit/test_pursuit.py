@@ -240,8 +240,8 @@ def test_a_contrast_beyond_the_speeds_is_refused_with_both_numbers() -> None:
 @pytest.mark.parametrize(
     ("angles", "weights", "what"),
     [
-        ([], [], "0 angles and 0 weights"),
-        ([0.0, 1.0], [1.0], "2 angles and 1 weights"),
+        ([], [], "0 for 0 angles"),
+        ([0.0, 1.0], [1.0], "1 for 2 angles"),
         ([0.0, TWO_PI], [1.0, 2.0], "twice"),
         ([0.0], [0.0], "above 0"),
         ([0.0], [math.nan], "above 0"),

@@ -75,7 +75,11 @@ def test_a_path_of_no_length_is_arrived_at() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "what"),
-    [({"v_min": 0.0}, "v_min"), ({"v_max": 0.05}, "v_min <= v_max"), ({"reaction": -1.0}, "reaction")],
+    [
+        ({"v_min": 0.0}, "v_min"),
+        ({"v_max": 0.05}, "v_min: got 0.1, expected at most v_max, 0.05"),
+        ({"reaction": -1.0}, "reaction"),
+    ],
 )
 def test_a_profile_that_cannot_be_is_refused(changes: dict[str, float], what: str) -> None:
     with pytest.raises(ValueError, match=what):

@@ -18,6 +18,7 @@ from basestation.localization.localizer import Localizer
 from basestation.station import Station
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import TransportError
 from muro_zenoh.messages import Clear, Estimate, Frame, Health, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
@@ -51,7 +52,7 @@ class Lab:
     async def agent(self, name: str, **stop: object) -> Bus:
         """An agent that is alive and has reported its health."""
         bus = await self.join()
-        bus.announce("agent", name)
+        bus.announce(Role.AGENT, name)
         health = Health(role="agent", state="x", **stop)  # type: ignore[arg-type]
         bus.publisher(channels.HEALTH, name).put(health)
         return bus
@@ -126,7 +127,7 @@ def test_orders_are_answered_and_published_at_once() -> None:
 def test_a_resume_is_refused_until_the_robots_have_reported() -> None:
     async def main() -> None:
         async with lab() as there:
-            (await there.join()).announce("agent", "r1")  # alive, and has not yet reported what it latched
+            (await there.join()).announce(Role.AGENT, "r1")  # alive, and has not yet reported what it latched
             async with station(there):
                 await asyncio.sleep(0.3)
                 refused = await there.bus.ask(channels.RESUME, Resume(revision=9))
@@ -178,7 +179,7 @@ def test_the_stop_state_waits_for_the_robots_that_are_alive() -> None:
         async with lab() as there:
             first = await there.agent("r1", stop_latched=True, stop_all=True, stop_revision=1)
             second = await there.join()
-            second.announce("agent", "r2")  # alive, and slow to report
+            second.announce(Role.AGENT, "r2")  # alive, and slow to report
             stops = there.bus.every(channels.STOP)
             async with station(there):
                 await asyncio.sleep(0.8)
@@ -198,7 +199,7 @@ def test_a_silent_robot_is_not_waited_for_for_ever() -> None:
     async def main() -> None:
         async with lab() as there:
             silent = await there.join()
-            silent.announce("agent", "r1")
+            silent.announce(Role.AGENT, "r1")
             stops = there.bus.every(channels.STOP)
             async with station(there):
                 await asyncio.sleep(1.0)

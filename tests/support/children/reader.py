@@ -9,9 +9,9 @@ from muro_zenoh.transport import open_bus
 
 
 async def read(endpoint: str, realm: str, name: str) -> None:
-    async with open_bus(BusSettings(realm=realm, connect=(endpoint,))) as bus:
+    async with open_bus(BusSettings(realm=realm, connect=(endpoint,)), channels.Role.BASE) as bus:
         odometry = bus.every(channels.ODOMETRY, name, depth=1024)
-        bus.announce("base", name)
+        bus.announce(channels.Role.BASE, name)
         ready("reader", name)
         async for got in odometry:
             print(  # noqa: T201 - a line for the test

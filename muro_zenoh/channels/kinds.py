@@ -1,0 +1,115 @@
+"""What a row of the table is: a channel or an order, with the roles at its ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Final, Generic, Literal, TypeVar
+
+from muro_zenoh.messages import Message
+
+M_co = TypeVar("M_co", bound=Message, covariant=True)
+
+Delivery = Literal["newest", "every", "kept"]
+"""``newest``: a reader wants the last value. ``every``: each one, from a bounded queue that drops the oldest.
+``kept``: the last value, also for late joiners."""
+
+
+class Role(StrEnum):
+    """What a process is in the fleet. One process may have several: the simulator's is bases and cameras too."""
+
+    AGENT = "agent"
+    BASE = "base"
+    BASESTATION = "basestation"
+    CAMERA = "camera"
+    SIMULATOR = "simulator"
+    ROUTER = "router"
+    OPERATOR = "operator"
+    """People's tools, and a lab's own programs."""
+
+
+ALL_ROLES: Final = frozenset(Role)
+"""For tests, and for tools that stand in for any process."""
+
+
+@dataclass(frozen=True, slots=True)
+class Party:
+    """Who is at one end of a channel.
+
+    Attributes:
+        role: of the process.
+        task: that does it there; empty where the process has only one.
+    """
+
+    role: Role
+    task: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.role}/{self.task}" if self.task else str(self.role)
+
+
+class Priority(IntEnum):
+    """How urgent a message is; the numbers are Zenoh's."""
+
+    REAL_TIME = 1
+    HIGH = 2
+    DATA = 5
+    BACKGROUND = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel(Generic[M_co]):
+    """One row of the table.
+
+    Attributes:
+        word: the second word of its keys.
+        kind: the message on it.
+        writers: who publishes it; the bus refuses everybody else.
+        readers: who subscribes to it; a lab's own programs may besides.
+        delivery: what a reader gets.
+        rate: how often each key is written to [Hz]; None where only events are.
+        pacing: what it is written at, where the rate does not say all.
+        stale_after: age at which its value no longer counts [s]; infinite where age does not matter.
+        priority: how urgent it is.
+        named: what the third word of the key names; empty when the channel has one key only.
+        ros: the topic it replaces.
+        note: what else to know.
+    """
+
+    word: str
+    kind: type[M_co]
+    writers: tuple[Party, ...]
+    readers: tuple[Party, ...]
+    delivery: Delivery
+    rate: float | None = None
+    pacing: str = ""
+    stale_after: float = math.inf
+    priority: Priority = Priority.DATA
+    named: str = "robot"
+    ros: str = ""
+    note: str = ""
+
+    @property
+    def period(self) -> float:
+        """Time between two messages on one key [s]; infinite where only events are."""
+        return 1.0 / self.rate if self.rate is not None else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Verb(Generic[M_co]):
+    """An order: a Zenoh query with one reply.
+
+    Attributes:
+        word: what is ordered.
+        kind: the message that orders it.
+        named: what the last word of the key names; empty when there is only one who answers.
+        answered_by: who takes it.
+        asked_by: who may give it.
+    """
+
+    word: str
+    kind: type[M_co]
+    named: str = ""
+    answered_by: Role = Role.BASESTATION
+    asked_by: Role = Role.OPERATOR

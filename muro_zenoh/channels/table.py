@@ -1,0 +1,245 @@
+"""The table: one row per channel, one per order. A test compares it with what a fleet really writes and reads."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from muro_zenoh import messages as m
+from muro_zenoh.channels.kinds import Channel, Party, Priority, Role, Verb
+
+CONTROL: Final = Party(Role.AGENT, "control")
+VISION: Final = Party(Role.BASESTATION, "vision")
+FLEET: Final = Party(Role.BASESTATION, "fleet")
+KEPT: Final = Party(Role.BASESTATION, "kept")
+OPERATOR: Final = Party(Role.OPERATOR)
+
+CAMERA = Channel(
+    word="camera",
+    kind=m.Frame,
+    writers=(Party(Role.CAMERA),),
+    readers=(VISION,),
+    delivery="newest",
+    rate=20.0,
+    pacing="or as the camera's settings say",
+    stale_after=0.5,
+    priority=Priority.BACKGROUND,
+    named="camera",
+    ros="(camera video)",
+)
+POSE = Channel(
+    word="pose",
+    kind=m.PoseFix,
+    writers=(VISION,),
+    readers=(CONTROL,),
+    delivery="every",
+    rate=20.0,
+    pacing="each frame that shows the robot",
+    stale_after=0.4,
+    priority=Priority.HIGH,
+    ros="amcl_pose",
+)
+ESTIMATE = Channel(
+    word="estimate",
+    kind=m.Estimate,
+    writers=(CONTROL,),
+    readers=(FLEET,),
+    delivery="newest",
+    rate=20.0,
+    pacing="each fix; when one is 1.5 periods overdue, without it",
+    stale_after=0.4,
+    ros="afterKalman",
+)
+CAL_OMEGA = Channel(
+    word="cal0",
+    kind=m.Calibration,
+    writers=(CONTROL,),
+    readers=(OPERATOR,),
+    delivery="kept",
+    rate=1.0,
+    ros="cal0",
+    note="multiplies omega",
+)
+CAL_V = Channel(
+    word="calD",
+    kind=m.Calibration,
+    writers=(CONTROL,),
+    readers=(OPERATOR,),
+    delivery="kept",
+    rate=1.0,
+    ros="calD",
+    note="multiplies v",
+)
+ALL_POSITIONS = Channel(
+    word="all_positions",
+    kind=m.FleetSnapshot,
+    writers=(FLEET,),
+    readers=(CONTROL,),
+    delivery="newest",
+    rate=20.0,
+    pacing="each fused frame, 5 Hz at least",
+    stale_after=0.5,
+    priority=Priority.HIGH,
+    named="",
+    ros="/all_positions",
+)
+VELOCITY = Channel(
+    word="velocity",
+    kind=m.SpeedReference,
+    writers=(CONTROL, OPERATOR),
+    readers=(CONTROL,),
+    delivery="newest",
+    rate=20.0,
+    pacing="each estimate",
+    stale_after=0.5,
+    ros="velocity",
+    note="from the behaviour pursuit, or from a lab's own program in its place",
+)
+CMD_VEL = Channel(
+    word="cmd_vel",
+    kind=m.VelocityCommand,
+    writers=(CONTROL,),
+    readers=(Party(Role.BASE), OPERATOR),
+    delivery="newest",
+    rate=20.0,
+    pacing="each estimate; repeated when there is none",
+    stale_after=0.3,
+    priority=Priority.REAL_TIME,
+    ros="mobile_base/commands/velocity",
+    note="when the last one is stale, the base's dead-man zeroes the wheels",
+)
+GOAL = Channel(
+    word="goal",
+    kind=m.Goal,
+    writers=(OPERATOR, Party(Role.AGENT)),
+    readers=(Party(Role.AGENT),),
+    delivery="every",
+    ros="move_base_simple/goal",
+    note="acknowledged",
+)
+PATH = Channel(
+    word="path",
+    kind=m.PlannedPath,
+    writers=(CONTROL,),
+    readers=(OPERATOR,),
+    delivery="kept",
+    note="the planned Dubins path",
+)
+CELL = Channel(
+    word="cell",
+    kind=m.Cell,
+    writers=(CONTROL,),
+    readers=(OPERATOR,),
+    delivery="newest",
+    rate=1.0,
+    pacing="and on change",
+    note="for drawing",
+)
+CIRCLE = Channel(
+    word="circle",
+    kind=m.Circle,
+    writers=(KEPT,),
+    readers=(CONTROL, OPERATOR),
+    delivery="kept",
+    rate=2.0,
+    pacing="and on an order",
+    named="",
+    ros="/centroidPos",
+)
+BEHAVIOUR = Channel(
+    word="behaviour",
+    kind=m.Behaviour,
+    writers=(KEPT,),
+    readers=(Party(Role.AGENT, "behaviour"), OPERATOR),
+    delivery="kept",
+    rate=2.0,
+    pacing="and on an order",
+    ros="(launch file)",
+)
+ODOMETRY = Channel(
+    word="odometry",
+    kind=m.Odometry,
+    writers=(Party(Role.BASE),),
+    readers=(CONTROL,),
+    delivery="every",
+    rate=25.0,
+    stale_after=0.15,
+    ros="odom",
+)
+BASE = Channel(
+    word="base",
+    kind=m.BaseState,
+    writers=(Party(Role.BASE),),
+    readers=(OPERATOR,),
+    delivery="newest",
+    rate=2.0,
+    pacing="and on change",
+)
+HEALTH = Channel(
+    word="health",
+    kind=m.Health,
+    writers=(Party(Role.AGENT, "health"), Party(Role.BASESTATION, "health"), Party(Role.SIMULATOR, "health")),
+    readers=(KEPT, OPERATOR),
+    delivery="kept",
+    rate=1.0,
+    pacing="and on change",
+    stale_after=3.0,
+    named="process",
+)
+ACK = Channel(
+    word="ack",
+    kind=m.Ack,
+    writers=(Party(Role.AGENT),),
+    readers=(OPERATOR,),
+    delivery="kept",
+)
+STOP = Channel(
+    word="stop",
+    kind=m.StopOrder,
+    writers=(KEPT, OPERATOR),
+    readers=(Party(Role.AGENT, "stop"), OPERATOR),
+    delivery="kept",
+    rate=2.0,
+    pacing="and on an order",
+    priority=Priority.REAL_TIME,
+    named="",
+    note="the whole state, never a difference; an operator's stop also goes to the agents directly",
+)
+TRUTH = Channel(
+    word="truth",
+    kind=m.Truth,
+    writers=(Party(Role.SIMULATOR),),
+    readers=(OPERATOR,),
+    delivery="newest",
+    rate=20.0,
+    note="for score sheets only; no task may read it",
+)
+
+CHANNELS: Final[tuple[Channel[Any], ...]] = (
+    CAMERA,
+    POSE,
+    ESTIMATE,
+    CAL_OMEGA,
+    CAL_V,
+    ALL_POSITIONS,
+    VELOCITY,
+    CMD_VEL,
+    GOAL,
+    PATH,
+    CELL,
+    CIRCLE,
+    BEHAVIOUR,
+    ODOMETRY,
+    BASE,
+    HEALTH,
+    ACK,
+    STOP,
+    TRUTH,
+)
+
+SET_CIRCLE = Verb("set_circle", m.SetCircle)
+SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
+STOP_ORDER = Verb("stop", m.Stop)
+RESUME = Verb("resume", m.Resume)
+CLEAR = Verb("clear", m.Clear)
+
+VERBS: Final[tuple[Verb[Any], ...]] = (SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR)

@@ -1,0 +1,135 @@
+"""Taking orders: questions that are asked on one key, and answered once each."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import logging
+import threading
+from collections.abc import Awaitable, Callable
+from typing import Any, Generic, TypeVar
+
+from muro_zenoh.channels import Role, Verb
+from muro_zenoh.errors import MessageError, MuroError
+from muro_zenoh.messages import Message, Reply, check_encoding, decode
+from muro_zenoh.transport.inbox import Counters
+from muro_zenoh.transport.link import Question
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=Message)
+
+MAX_WAITING = 64
+"""Orders on one key that wait for their answer at most; more are dropped, and counted."""
+
+
+class Orders(Generic[T]):
+    """The orders on one key.
+
+    Args:
+        verb: which order.
+        key: the key, for the log.
+        handle: takes an order, returns its reply or something to await for it.
+        send: sends a reply.
+        loop: where ``handle`` is called.
+        counters: what becomes of the orders.
+    """
+
+    def __init__(
+        self,
+        verb: Verb[T],
+        key: str,
+        handle: Callable[[T], Reply | Awaitable[Reply]],
+        send: Callable[[Question, Reply], None],
+        loop: asyncio.AbstractEventLoop,
+        counters: Counters,
+    ) -> None:
+        self._verb = verb
+        self._key = key
+        self._handle = handle
+        self._send = send
+        self._loop = loop
+        self._counters = counters
+        self._lock = threading.Lock()
+        self._waiting = 0
+        self._tasks: dict[asyncio.Task[None], None] = {}
+
+    def file(self, question: Question) -> None:
+        """Take a question from the middleware; from any thread."""
+        with self._lock:
+            self._counters.received += 1
+            if self._waiting >= MAX_WAITING:
+                self._counters.dropped += 1
+                return
+            self._waiting += 1
+        try:
+            self._loop.call_soon_threadsafe(self._take, question)
+        except RuntimeError:
+            log.debug("%s: a question came after the loop had closed", self._key)
+
+    def close(self) -> list[asyncio.Task[Any]]:
+        """Cancel the answers that are still being worked on; they are returned, to be waited for."""
+        tasks = list(self._tasks)
+        for task in tasks:
+            task.cancel()
+        return tasks
+
+    def _take(self, question: Question) -> None:
+        answer: Reply | Awaitable[Reply]
+        try:
+            answer = self._handle(self._read(question))
+        except Exception as error:
+            answer = self._refusal(error)
+        if inspect.isawaitable(answer):
+            task = self._loop.create_task(self._finish(question, answer), name=f"order {self._key}")
+            self._tasks[task] = None
+            task.add_done_callback(self._tasks.pop)
+        else:
+            self._reply(question, answer)
+
+    def _read(self, question: Question) -> T:
+        try:
+            check_encoding(question.encoding, self._verb.kind)
+            return decode(question.payload, self._verb.kind)
+        except MessageError:
+            self._counters.rejected += 1
+            raise
+
+    async def _finish(self, question: Question, answer: Awaitable[Reply]) -> None:
+        try:
+            reply = await answer
+        except Exception as error:
+            reply = self._refusal(error)
+        self._reply(question, reply)
+
+    def _refusal(self, error: Exception) -> Reply:
+        """What is replied in place of an error; called while it is handled."""
+        if isinstance(error, MuroError):
+            return Reply(accepted=False, reason=str(error))
+        log.exception("%s: taking the order failed", self._key)
+        return Reply(accepted=False, reason=f"taking it failed: {type(error).__name__}: {error}")
+
+    def _reply(self, question: Question, reply: Reply) -> None:
+        with self._lock:
+            self._waiting -= 1
+        self._send(question, reply)
+
+
+def nobody_answered(verb: Verb[Any], key: str, name: str, timeout: float) -> str:
+    """The text of a :class:`~muro_zenoh.errors.NoReply`.
+
+    Args:
+        verb: which order.
+        key: the key it was given on.
+        name: whom it was for; empty where there is only one.
+        timeout: how long was waited at most [s].
+    """
+    role = verb.answered_by
+    who = "base station" if role is Role.BASESTATION else str(role)
+    process = f"muro {role}"
+    if name:
+        who, process = f"{who} of {name}", f"{process} FILE {name}"
+    return (
+        f"{key}: nobody answered (waited at most {timeout:g} s), expected the {who} to. "
+        f"Is `{process}` running, and on this router?"
+    )
