@@ -1,7 +1,7 @@
 """The kept state of the lab: circle, behaviours and stop, in memory and in a file.
 
 A change of circle or behaviour, and a resume, hold once they are on the disk. A stop holds at once, also where the disk
-is full or hangs; whoever gave it waits for the disk.
+is full or hangs; only its reply waits for the disk.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class _Track:
         return self.marker.moved(*self.step)
 
     def unseen(self) -> _Track:
-        # Something that hides it for a moment does not stop it; after that, nobody knows.
+        # What hides it for a moment does not stop it; after that, its motion is unknown.
         goes_on = self.missed < _COAST
         return _Track(self.expected(), self.step if goes_on else (0.0, 0.0), self.missed + 1)
 
@@ -53,7 +53,7 @@ class Localizer:
     hidden robot does not cost a whole search each time.
 
     A number that is seen at two places (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no
-    sighting at all: nobody can tell which of the two is the robot.
+    sighting at all: which of the two is the robot is unknown.
 
     Attributes:
         unknown_tags: numbers seen in the latest whole picture that no robot has.

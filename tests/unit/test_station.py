@@ -108,14 +108,14 @@ def test_orders_are_answered_and_published_at_once() -> None:
             assert (await ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold", names=("r2",)))).accepted
             assert (await ask(channels.STOP_ORDER, Stop(names=("r1",)))).accepted
             await asyncio.sleep(0.001)
-            said = stop.get()
-            assert said is not None
-            assert said.message.names == ("r1",)
+            newest = stop.get()
+            assert newest is not None
+            assert newest.message.names == ("r1",)
             got = circle.get()
             assert got is not None
             assert got.message.radius == 0.6
             assert behaviour.values()["r2"].message.behaviour == "hold"
-            assert (await ask(channels.RESUME, Resume(revision=said.message.revision))).accepted
+            assert (await ask(channels.RESUME, Resume(revision=newest.message.revision))).accepted
             refused = await ask(channels.SET_CIRCLE, SetCircle(radius=5.0))
             assert (refused.accepted, "inside the arena" in refused.reason) == (False, True)
             refused = await ask(channels.CLEAR, Clear(name="r1"))
@@ -151,9 +151,9 @@ def test_of_two_base_stations_the_second_leaves() -> None:
             assert caught.group_contains(TransportError, match="expected to be the only one")
             await asyncio.sleep(1.1)
             assert len({received.message.epoch for received in stops.drain()}) == 1
-            said = health.get()
-            assert said is not None
-            assert "another base station is running: end one of them" in said.message.reasons
+            newest = health.get()
+            assert newest is not None
+            assert "another base station is running: end one of them" in newest.message.reasons
 
     run_virtually(main())
 
@@ -186,10 +186,10 @@ def test_the_stop_state_waits_for_the_robots_that_are_alive() -> None:
                 assert stops.drain() == []
                 second.publisher(channels.HEALTH, "r2").put(Health(role="agent", state="x"))
                 await asyncio.sleep(0.6)
-                said = [received.message for received in stops.drain()]
-                assert said
-                assert all(message.all for message in said)
-                assert all(message.revision > 1 for message in said)
+                newest = [received.message for received in stops.drain()]
+                assert newest
+                assert all(message.all for message in newest)
+                assert all(message.revision > 1 for message in newest)
             await first.close()
 
     run_virtually(main())
@@ -228,16 +228,16 @@ def test_a_stop_that_a_robot_latched_is_adopted_at_any_time() -> None:
     run_virtually(main())
 
 
-def test_the_health_of_others_stops_nobody() -> None:
+def test_only_the_health_of_agents_is_adopted() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             stop = there.bus.latest(channels.STOP)
             health = Health(role="simulator", state="x", stop_latched=True, stop_all=True, stop_revision=9)
             there.bus.publisher(channels.HEALTH, "simulator").put(health)
             await asyncio.sleep(1.0)
-            said = stop.get()
-            assert said is not None
-            assert not said.message.all
+            newest = stop.get()
+            assert newest is not None
+            assert not newest.message.all
 
     run_virtually(main())
 
@@ -264,14 +264,14 @@ def test_health_names_the_missing_agents() -> None:
             health = there.bus.latest(channels.HEALTH, "basestation")
             agent = await there.agent("r1")
             await asyncio.sleep(1.5)
-            said = health.get()
-            assert said is not None
-            assert said.message.reasons == ("no agent of r2",)
+            newest = health.get()
+            assert newest is not None
+            assert newest.message.reasons == ("no agent of r2",)
             await agent.close()
             await asyncio.sleep(1.5)
-            said = health.get()
-            assert said is not None
-            assert said.message.reasons == ("no agent of r1", "no agent of r2")
+            newest = health.get()
+            assert newest is not None
+            assert newest.message.reasons == ("no agent of r1", "no agent of r2")
 
     run_virtually(main())
 
@@ -349,9 +349,9 @@ async def test_a_stop_does_not_wait_for_another_orders_disk(tmp_path: Path, monk
         assert (await within(5, stop.next(), "the stop")).message.all
         assert StateStore(LAB, path).stop.all
         assert not changing.done()
-        said = circle.get()
-        assert said is not None
-        assert said.message.radius == 0.8, "nothing holds before it is on the disk"
+        newest = circle.get()
+        assert newest is not None
+        assert newest.message.radius == 0.8, "nothing holds before it is on the disk"
 
         disk.released.set()
         assert (await changing).accepted
