@@ -76,7 +76,7 @@ def agents(endpoint: str, names: Sequence[str]) -> list[Child]:
     with tempfile.NamedTemporaryFile("w", suffix=".toml", delete=False) as file:
         file.write(f'robots = {len(names)}\n[camera.north]\nlatency = 0.0\n[bus]\nconnect = ["{endpoint}"]\n')
     try:
-        return start([["-m", "agents.agent", file.name, name] for name in names])
+        return start([["-m", "muro_zenoh", "agent", file.name, name] for name in names])
     finally:
         Path(file.name).unlink()
 
@@ -233,7 +233,7 @@ class Running:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         settings = folder / "router.toml"
         settings.write_text(f'[bus]\nlisten = ["{endpoint}"]\n')
-        self.router = start([["-m", "muro_zenoh.transport.router", str(settings)]])
+        self.router = start([["-m", "muro_zenoh", "router", str(settings)]])
         stack.callback(stop, self.router)
         self.robots = spawn(endpoint, names)
         stack.callback(stop, self.robots)

@@ -100,9 +100,8 @@ class BehaviourRunner:
             Why it is not taken; empty when it is.
         """
         if self._built_in is None:
-            return f"it runs {self.name or 'no behaviour yet'}, which takes no goals"
-        refused = self._built_in.go_to(goal, seen)
-        return f"{self.name}: {refused}" if refused else ""
+            return f"the behaviour {self.name} takes no goals" if self.name else "no behaviour yet"
+        return self._built_in.go_to(goal, seen)
 
     # ---- orders
 

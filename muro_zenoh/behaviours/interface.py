@@ -168,7 +168,7 @@ class Behaviour(ABC):
         Returns:
             Why not; empty when the goal is taken. A goal that is refused changes nothing.
         """
-        return "this behaviour takes no goals"
+        return f"the behaviour {type(self).__module__.rpartition('.')[2]} takes no goals"
 
 
 class Need(Enum):

@@ -107,15 +107,6 @@ CMD_VEL = Channel(
     ros="mobile_base/commands/velocity",
     note="when the last one is stale, the base's dead-man zeroes the wheels",
 )
-GOAL = Channel(
-    word="goal",
-    kind=m.Goal,
-    writers=(OPERATOR, Party(Role.AGENT)),
-    readers=(Party(Role.AGENT),),
-    delivery="every",
-    ros="move_base_simple/goal",
-    note="acknowledged",
-)
 PATH = Channel(
     word="path",
     kind=m.PlannedPath,
@@ -185,13 +176,6 @@ HEALTH = Channel(
     stale_after=3.0,
     named="process",
 )
-ACK = Channel(
-    word="ack",
-    kind=m.Ack,
-    writers=(Party(Role.AGENT),),
-    readers=(OPERATOR,),
-    delivery="kept",
-)
 STOP = Channel(
     word="stop",
     kind=m.StopOrder,
@@ -223,7 +207,6 @@ CHANNELS: Final[tuple[Channel[Any], ...]] = (
     ALL_POSITIONS,
     VELOCITY,
     CMD_VEL,
-    GOAL,
     PATH,
     CELL,
     CIRCLE,
@@ -231,15 +214,15 @@ CHANNELS: Final[tuple[Channel[Any], ...]] = (
     ODOMETRY,
     BASE,
     HEALTH,
-    ACK,
     STOP,
     TRUTH,
 )
 
+GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT)
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
 
-VERBS: Final[tuple[Verb[Any], ...]] = (SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR)
+VERBS: Final[tuple[Verb[Any], ...]] = (GOAL_ORDER, SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR)

@@ -1,4 +1,4 @@
-"""``muro figures``: the reports' figures, drawn anew from our own laws."""
+"""``muro figures``: the reports' figures, drawn from our own laws."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def _list(context: click.Context, _: click.Parameter, value: bool) -> None:
     type=click.Choice(["svg", "png"]),
     default="svg",
     show_default=True,
-    help="Of the files.",
+    help="File format.",
 )
 @click.option(
-    "--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the figures and leave."
+    "--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the figures and exit."
 )
 def figures(out: Path, only: tuple[str, ...], file_format: str) -> None:
     """Draw the figures of docs/laws.md from the laws themselves.

@@ -1,4 +1,4 @@
-"""Listening to any key for a while."""
+"""Samples of any key, and how often they come."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ async def listen_to(
     expression: str,
     take: Callable[[Sample], bool | None],
     seconds: float | None,
-    beside: asyncio.Task[None] | None = None,
+    other: asyncio.Task[None] | None = None,
 ) -> None:
-    """Hand over samples until ``take`` returns true, the time is over, or a task beside fails.
+    """Hand over samples until ``take`` returns true, the time is over, or another task fails.
 
     Args:
         bus: the bus.
         expression: which keys.
-        take: called with each sample.
-        seconds: how long; None for ever.
-        beside: a task that goes on meanwhile.
+        take: called with each sample; returns true to stop.
+        seconds: for how long; None for ever.
+        other: a task that runs at the same time.
     """
     tap = bus.tap(expression)
 
@@ -38,7 +38,7 @@ async def listen_to(
                 return
 
     listening = asyncio.create_task(listen())
-    tasks = {listening, beside} if beside is not None else {listening}
+    tasks = {listening, other} if other is not None else {listening}
     try:
         done, _ = await asyncio.wait(tasks, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
         for task in done:
@@ -49,12 +49,12 @@ async def listen_to(
 
 
 async def print_rates(bus: Bus, expression: str, seconds: float | None) -> int:
-    """Print once a second how often each key is written to; 1 when nothing came at all, else 0.
+    """Print once a second how often each key is written to; 1 when nothing was received, else 0.
 
     Args:
         bus: the bus.
         expression: which keys.
-        seconds: how long; None for ever.
+        seconds: for how long; None for ever.
     """
     arrivals: defaultdict[str, list[float]] = defaultdict(list)
 
@@ -62,7 +62,7 @@ async def print_rates(bus: Bus, expression: str, seconds: float | None) -> int:
         while True:
             await asyncio.sleep(1.0)
             if not arrivals:
-                click.echo(f"{time.strftime('%H:%M:%S')} {expression}  nothing")
+                click.echo(f"{time.strftime('%H:%M:%S')} {expression}  no message")
             _print_rates(arrivals)
 
     reporting = asyncio.create_task(report())
@@ -78,11 +78,11 @@ def _print_rates(arrivals: dict[str, list[float]]) -> None:
     stamp = time.strftime("%H:%M:%S")
     for key in sorted(arrivals):
         times = arrivals[key]
-        waits = [b - a for a, b in itertools.pairwise(times)]
-        if waits:
-            rate = len(waits) / (times[-1] - times[0]) if times[-1] > times[0] else math.inf
-            least, most = 1e3 * min(waits), 1e3 * max(waits)
-            click.echo(f"{stamp} {key}  {rate:.1f} Hz  {len(waits)} new, waits {least:.1f} to {most:.1f} ms")
+        gaps = [b - a for a, b in itertools.pairwise(times)]
+        if gaps:
+            rate = len(gaps) / (times[-1] - times[0]) if times[-1] > times[0] else math.inf
+            least, most = 1e3 * min(gaps), 1e3 * max(gaps)
+            click.echo(f"{stamp} {key}  {rate:.1f} Hz  {len(gaps)} messages, {least:.1f} to {most:.1f} ms apart")
             del times[:-1]
         else:
-            click.echo(f"{stamp} {key}  nothing new")
+            click.echo(f"{stamp} {key}  no message")

@@ -1,4 +1,4 @@
-"""What an operator sees while a run goes on: a table that lives, or a plain line now and then."""
+"""What an operator sees during a run: a live table, or a plain line every few seconds."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ import click
 from muro_zenoh.scoring.view import View
 
 _LINE_PERIOD = 5.0
-"""Seconds between two plain lines."""
+"""Time between two plain lines [s]."""
 
 
 def line_of(view: View) -> str:
     """A view as one line.
 
     Args:
-        view: what to say.
+        view: the run at one moment.
     """
     ages = [row.pose_age for row in view.rows if row.pose_age is not None]
     driving = sum(1 for row in view.rows if not row.reasons)
-    why: dict[str, list[str]] = {}
+    reasons: dict[str, list[str]] = {}
     for row in view.rows:
         if row.reasons:
-            why.setdefault(row.reasons, []).append(row.name)
+            reasons.setdefault(row.reasons, []).append(row.name)
     return (
         f"{view.t:6.1f} s  driving {driving}/{len(view.rows)}  "
-        f"from the circle {_number(view.radius_error, '.3f', ' m')}  "
+        f"radius error {_number(view.radius_error, '.3f', ' m')}  "
         f"spacing error {_number(view.spacing_error, '.3f', ' rad')}  "
         f"pose age {_number(max(ages, default=None), '.0f', ' ms', 1e3)}  restarts {view.restarts}"
-        + "".join(f"  {' '.join(names)}: {reasons}" for reasons, names in why.items())
+        + "".join(f"  {' '.join(names)}: {reason}" for reason, names in reasons.items())
     )
 
 
 class PlainScreen:
-    """Lines on standard output; for logs and for a standard output that is no terminal."""
+    """Plain lines on standard output, for logs and for an output that is no terminal."""
 
     def __init__(self) -> None:
         self._next = 0.0
 
-    def tell(self, text: str) -> None:
-        """Say something that happened."""
+    def notify(self, text: str) -> None:
+        """Print that something happened."""
         click.echo(text)
 
     def show(self, view: View) -> None:
@@ -61,19 +61,19 @@ class PlainScreen:
 
 
 class TableScreen:
-    """A table in the terminal that is drawn anew, with what happened above it."""
+    """A table in the terminal that is redrawn in place, with what happened above it."""
 
     def __init__(self) -> None:
         from rich.console import Console
         from rich.live import Live
 
-        # No markup: what a robot says, and a unit such as [m], is text.
+        # No markup: a robot's reasons, and a unit such as [m], are text.
         self._console = Console(markup=False, highlight=False)
-        # No thread of its own: it is drawn when there is something new.
+        # No refresh thread: the table is drawn when there is something new.
         self._live = Live(console=self._console, auto_refresh=False, transient=False)
 
-    def tell(self, text: str) -> None:
-        """Say something that happened, above the table."""
+    def notify(self, text: str) -> None:
+        """Print that something happened, above the table."""
         self._console.print(text)
 
     def show(self, view: View) -> None:
@@ -94,13 +94,13 @@ def table_of(view: View) -> Any:
     """A view as a table for a terminal.
 
     Args:
-        view: what to show.
+        view: the run at one moment.
     """
     from rich.table import Table
 
     table = Table(
         title=f"{view.t:.0f} of {view.duration:g} s   "
-        f"from the circle {_number(view.radius_error, '.3f', ' m')}   "
+        f"radius error {_number(view.radius_error, '.3f', ' m')}   "
         f"spacing error {_number(view.spacing_error, '.3f', ' rad')}   restarts {view.restarts}",
         title_justify="left",
     )

@@ -1,4 +1,4 @@
-"""Options that several commands share, and how their errors look."""
+"""Options that several commands share, and values as they are typed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from muro_zenoh.errors import ConfigError, MuroError
+from muro_zenoh.errors import ConfigError
 
 if TYPE_CHECKING:
     from muro_zenoh.config import BusSettings
@@ -32,15 +32,15 @@ def example(*lines: str) -> str:
 def bus_options(command: F) -> F:
     """Zenoh's own flags, which mean what they mean in every Zenoh program, and ``--realm``.
 
-    The command gets a :class:`~muro_zenoh.config.BusSettings` maker as ``bus``: called with the file's settings, or
-    with none, it returns them with the flags laid over.
+    The command gets a function as ``bus``: called with the file's :class:`~muro_zenoh.config.BusSettings`, or with
+    none, it returns them with the flags in their place.
 
     Args:
         command: the function under the click decorators.
     """
 
     @click.option("--realm", metavar="WORD", help="First word of every key.  [default: muro]")
-    @click.option("--config", metavar="FILE", help="A Zenoh configuration (JSON5); the other flags are laid over it.")
+    @click.option("--config", metavar="FILE", help="A Zenoh configuration (JSON5); the other flags override it.")
     @click.option("--listen", metavar="ENDPOINT", multiple=True, help="Listen here; repeatable.")
     @click.option(
         "--connect",
@@ -48,7 +48,7 @@ def bus_options(command: F) -> F:
         multiple=True,
         help="Connect there, such as tcp/127.0.0.1:7447; repeatable.  [default: tcp/127.0.0.1:7447]",
     )
-    @click.option("--mode", type=click.Choice(["client", "peer", "router"]), help="Of the Zenoh session.")
+    @click.option("--mode", type=click.Choice(["client", "peer", "router"]), help="Mode of the Zenoh session.")
     @functools.wraps(command)
     def with_bus(
         *args: Any,
@@ -59,24 +59,24 @@ def bus_options(command: F) -> F:
         realm: str | None,
         **kwargs: Any,
     ) -> Any:
-        def settings(ground: BusSettings | None = None) -> BusSettings:
+        def settings(base: BusSettings | None = None) -> BusSettings:
             flags = {"mode": mode, "connect": connect, "listen": listen, "config": config, "realm": realm}
-            return lay_over(ground, flags)
+            return override_bus(base, flags)
 
         return command(*args, bus=settings, **kwargs)
 
     return with_bus  # type: ignore[return-value]  # called by click with what the options say
 
 
-def lay_over(ground: BusSettings | None, flags: dict[str, Any]) -> BusSettings:
-    """Bus settings with flags laid over.
+def override_bus(base: BusSettings | None, flags: dict[str, Any]) -> BusSettings:
+    """Bus settings, overridden by flags.
 
     Args:
-        ground: the file's settings; None for the defaults.
-        flags: by key of the settings; what is empty or None was not given.
+        base: the file's settings; None for the defaults.
+        flags: by key of the settings; one that is empty or None was not given.
 
     Raises:
-        ConfigError: a flag's value is not one.
+        ConfigError: a flag has a wrong value.
     """
     import msgspec
 
@@ -95,11 +95,11 @@ def lay_over(ground: BusSettings | None, flags: dict[str, Any]) -> BusSettings:
                 ) from None
     if "realm" in given:
         check_realm(given["realm"], "--realm")
-    return msgspec.structs.replace(ground or BusSettings(), **given)
+    return msgspec.structs.replace(base or BusSettings(), **given)
 
 
 def toml_value(text: str, where: str) -> object:
-    """A value as TOML has it; a bare word is text, so that a shell's quotes need no quotes of their own.
+    """A value as TOML has it; a bare word is text, so that text needs no quotes within the shell's quotes.
 
     Args:
         text: what was typed.
@@ -126,7 +126,7 @@ def assignments(given: tuple[str, ...], where: str) -> dict[str, object]:
         where: the option's name, for errors.
 
     Raises:
-        ConfigError: no ``=``, no key, or a value that is none.
+        ConfigError: no ``=``, no key, or not a value.
     """
     table: dict[str, object] = {}
     for text in given:
@@ -136,14 +136,3 @@ def assignments(given: tuple[str, ...], where: str) -> dict[str, object]:
             raise ConfigError(where, got=repr(text), expected="KEY=VALUE, such as circle.radius=0.9")
         table[key] = toml_value(value.strip(), f"{where} {key}")
     return table
-
-
-class MuroGroup(click.Group):
-    """A group whose commands report this project's errors in one line: exit code 2 for wrong settings, else 1."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except MuroError as error:
-            click.echo(f"{ctx.find_root().info_name}: {error}", err=True)
-            ctx.exit(2 if isinstance(error, ConfigError) else 1)

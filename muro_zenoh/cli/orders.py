@@ -8,21 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from muro_zenoh.cli.options import MuroGroup, assignments, bus_options, example
+from muro_zenoh.cli.group import MuroGroup
+from muro_zenoh.cli.options import assignments, bus_options, example
 
 if TYPE_CHECKING:
     from muro_zenoh.config import BusSettings
-    from muro_zenoh.messages import Health, Reply
-    from muro_zenoh.transport import Bus, Every
-
-_MOMENT = 1.5
-"""A robot that cannot run a behaviour has said so by then [s]."""
+    from muro_zenoh.messages import Reply
+    from muro_zenoh.transport import Bus
 
 BusFlags = Callable[..., "BusSettings"]
 
 
 def on_bus(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettings) -> None:
-    """Open a bus, run a command on it, and leave with the exit code that it returns.
+    """Open a bus, run a command on it, and exit with the code that it returns.
 
     Args:
         main: the command.
@@ -46,23 +44,48 @@ def stop(names: tuple[str, ...], bus: BusFlags) -> None:
     """Stop NAMES, or every robot.
 
     The order goes straight to the robots, base station or not, and to the base station, which keeps it. The exit code
-    is 0 when every robot that is alive, and meant, has confirmed.
+    is 0 when every named robot, or every robot that is alive, has confirmed.
     """
-    from muro_zenoh.cli.stopping import send_stop
+    from muro_zenoh.orders.stop import StopStatus, stop_robots
+
+    words = {
+        StopStatus.STOPPED: "has stopped",
+        StopStatus.UNCONFIRMED: "DOES NOT CONFIRM",
+        StopStatus.NOT_ALIVE: "is not alive",
+    }
+
+    async def order(b: Bus) -> int:
+        result = await stop_robots(b, names)
+        _print_reply(result.reply)
+        for name, status in result.robots.items():
+            click.echo(f"{name}: {words[status]}")
+        if not result.robots:
+            click.echo("no robot is alive")
+        return 0 if result.confirmed else 1
 
     _check_names(names)
-    on_bus(lambda b: send_stop(b, names), bus())
+    on_bus(order, bus())
 
 
 @click.command(epilog=example("muro resume", "muro resume r2"))
 @click.argument("names", nargs=-1)
 @bus_options
 def resume(names: tuple[str, ...], bus: BusFlags) -> None:
-    """Lift the stop of NAMES, or everybody's. Only the base station can; it refuses when it has changed meanwhile."""
-    from muro_zenoh.cli.stopping import send_resume
+    """Lift the stop of NAMES, or of all robots.
+
+    Only the base station can. It refuses when the stop state has changed in the meantime.
+    """
+    from muro_zenoh.orders.stop import resume_robots
+
+    async def order(b: Bus) -> int:
+        result = await resume_robots(b, names)
+        _print_reply(result.reply)
+        for name in result.still_stopped:
+            click.echo(f"{name}: still reports that it is stopped")
+        return 0 if result.reply.accepted and not result.still_stopped else 1
 
     _check_names(names)
-    on_bus(lambda b: send_resume(b, names), bus())
+    on_bus(order, bus())
 
 
 @click.command(
@@ -77,16 +100,22 @@ def resume(names: tuple[str, ...], bus: BusFlags) -> None:
 def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> None:
     """Send the robot NAME to X, Y [m, world], to arrive with the heading THETA [rad] if it is given.
 
-    It takes goals while it runs the behaviour dubins or steer (which looks at no heading). The exit code is 0 when it
+    It takes goals while it runs the behaviour dubins or steer (which ignores the heading). The exit code is 0 when it
     has accepted, 1 when it refuses, with its reason, or does not answer.
     """
-    from muro_zenoh.cli.goal_order import send_goal
+    from muro_zenoh.messages import Goal
+    from muro_zenoh.orders.goal import send_goal
+
+    async def order(b: Bus) -> int:
+        answer = await send_goal(b, name, Goal(x=x, y=y, theta=theta))
+        click.echo(f"{name}: " + ("accepted" if answer.accepted else f"refused: {answer.reason}"))
+        return 0 if answer.accepted else 1
 
     _check_names((name,))
     for what, value in (("X", x), ("Y", y), ("THETA", theta)):
         if value is not None and not math.isfinite(value):
             raise click.BadParameter(f"got {value}, expected a finite number", param_hint=what)
-    on_bus(lambda b: send_goal(b, name, x, y, theta), bus())
+    on_bus(order, bus())
 
 
 @click.group("set", cls=MuroGroup, epilog=example("muro set circle --radius 0.9", "muro set behaviour circle"))
@@ -97,22 +126,23 @@ def set_group() -> None:
 @set_group.command(
     "circle", epilog=example("muro set circle --radius 0.9 --clockwise", "muro set circle --x 0.2 --y 0")
 )
-@click.option("--x", type=float, metavar="M", help="Of its centre [m, world].")
-@click.option("--y", type=float, metavar="M", help="Of its centre [m, world].")
-@click.option("--radius", type=click.FloatRange(min=0, min_open=True), metavar="M", help="Of it [m].")
+@click.option("--x", type=float, metavar="M", help="x of its centre [m, world].")
+@click.option("--y", type=float, metavar="M", help="y of its centre [m, world].")
+@click.option("--radius", type=click.FloatRange(min=0, min_open=True), metavar="M", help="Its radius [m].")
 @click.option("--clockwise/--counter-clockwise", default=None, help="The direction of travel.")
 @bus_options
 def set_circle(x: float | None, y: float | None, radius: float | None, clockwise: bool | None, bus: BusFlags) -> None:
-    """Change the circle. What is not said stays as it is."""
+    """Change the circle. What is not given stays as it is."""
     from muro_zenoh import channels
     from muro_zenoh.messages import SetCircle
 
     if x is None and y is None and radius is None and clockwise is None:
-        raise click.UsageError("say what to change: --x, --y, --radius, --clockwise or --counter-clockwise")
+        raise click.UsageError("nothing to change: give --x, --y, --radius, --clockwise or --counter-clockwise")
 
     async def order(b: Bus) -> int:
         reply = await b.ask(channels.SET_CIRCLE, SetCircle(x=x, y=y, radius=radius, clockwise=clockwise))
-        return _said(reply)
+        _print_reply(reply)
+        return 0 if reply.accepted else 1
 
     on_bus(order, bus())
 
@@ -127,15 +157,15 @@ def set_circle(x: float | None, y: float | None, radius: float | None, clockwise
 )
 @click.argument("name")
 @click.argument("parameters", nargs=-1, metavar="[KEY=VALUE]...")
-@click.option("--robot", "robots", multiple=True, metavar="NAME", help="Only this one; repeatable.  [default: all]")
+@click.option("--robot", "robots", multiple=True, metavar="NAME", help="Only this robot; repeatable.  [default: all]")
 @bus_options
 def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...], bus: BusFlags) -> None:
     """Change the behaviour to NAME, a built-in one or MODULE:FUNCTION, with its parameters."""
     import msgspec
 
-    from muro_zenoh import channels
     from muro_zenoh.errors import ConfigError
     from muro_zenoh.messages import SetBehaviour, Value
+    from muro_zenoh.orders.behaviour import set_behaviour as change_behaviour
 
     _check_names(robots)
     try:
@@ -146,33 +176,23 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
         ) from None
 
     async def order(b: Bus) -> int:
-        healths = b.every(channels.HEALTH, "*", depth=256)
-        said = _said(await b.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=name, parameters=values, names=robots)))
-        return said or (await _refusals(healths, name) if ":" in name else 0)
+        result = await change_behaviour(b, SetBehaviour(behaviour=name, parameters=values, names=robots))
+        _print_reply(result.reply)
+        for robot, reason in result.refusals.items():
+            click.echo(f"{robot}: cannot run it: {reason}")
+        return 0 if result.reply.accepted and not result.refusals else 1
 
     on_bus(order, bus())
 
 
-async def _refusals(healths: Every[Health], behaviour: str) -> int:
-    """Print which robots cannot run a behaviour, as they say within a moment; 1 when there are any."""
-    import asyncio
-    import contextlib
-
-    refused: dict[str, str] = {}
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(_MOMENT):
-            async for said in healths:
-                reason = next((r for r in said.message.reasons if r.startswith(f"behaviour {behaviour}:")), "")
-                if reason and refused.setdefault(said.name, reason) is reason:
-                    click.echo(f"{said.name}: cannot run it: {reason}")
-    return 1 if refused else 0
-
-
-def _said(reply: Reply) -> int:
-    from muro_zenoh.cli.stopping import answer_of
-
-    click.echo(f"base station: {answer_of(reply)}")
-    return 0 if reply.accepted else 1
+def _print_reply(reply: Reply | None) -> None:
+    if reply is None:
+        text = "did not answer, so only the robots themselves keep this order"
+    elif reply.accepted:
+        text = f"accepted, revision {reply.revision}"
+    else:
+        text = f"refused: {reply.reason}"
+    click.echo(f"base station: {text}")
 
 
 def _check_names(names: Iterable[str]) -> None:

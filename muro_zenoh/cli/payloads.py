@@ -1,4 +1,4 @@
-"""Keys as an operator types them, and payloads as an operator reads them."""
+"""Keys as they are typed, and payloads as text."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _RAW_SHOWN = 32
 
 
 def full_key(expression: str, realm: str) -> str:
-    """The key expression that is meant: within the realm, unless it begins with the realm, ``**`` or ``/``.
+    """The full key expression of a typed one: within the realm, unless it begins with the realm, ``**`` or ``/``.
 
     Args:
         expression: what was typed.
         realm: the first word of our keys.
 
     Raises:
-        ConfigError: it is no Zenoh key expression.
+        ConfigError: it is not a Zenoh key expression.
     """
     if expression.startswith("/"):
         full = expression[1:]
@@ -37,34 +37,34 @@ def full_key(expression: str, realm: str) -> str:
 
 
 def type_of(encoding: str | None) -> str:
-    """What a writer calls its payload: the message type when it says one, else the encoding.
+    """The message type of a payload when its writer gives one, else its encoding.
 
     Args:
-        encoding: as Zenoh has it.
+        encoding: Zenoh's.
     """
     base, _, schema = (encoding or "").partition(";")
     return schema or base or "-"
 
 
 def shown(payload: bytes, encoding: str | None) -> str:
-    """A payload for people to read: MessagePack as JSON, text as it is, else so many raw bytes.
+    """A payload as text: MessagePack as JSON, text as it is, anything else as raw bytes.
 
     Args:
         payload: the bytes.
-        encoding: what the writer calls them.
+        encoding: Zenoh's, as the writer set it.
     """
     base = (encoding or "").partition(";")[0]
     if base.startswith("text/") or base == "application/json":
         return payload.decode(errors="replace")
     try:
         value = msgpack.unpackb(payload, raw=False, strict_map_key=False)
-        # Almost any byte is a MessagePack number: only a writer who says so is believed, or a map.
+        # Almost any byte is a MessagePack number: unless the writer calls it MessagePack, only a map is taken for it.
         if base == "application/msgpack" or isinstance(value, dict):
             return json.dumps(value, default=_beyond_json, ensure_ascii=False)
     except (ValueError, TypeError, msgpack.UnpackException):
         pass
     more = "..." if len(payload) > _RAW_SHOWN else ""
-    return f"<{len(payload)} raw bytes, encoding {base or 'not said'}: {payload[:_RAW_SHOWN].hex(' ')}{more}>"
+    return f"<{len(payload)} raw bytes, encoding {base or 'unknown'}: {payload[:_RAW_SHOWN].hex(' ')}{more}>"
 
 
 def _beyond_json(value: object) -> str:

@@ -17,17 +17,18 @@ BusFlags = Callable[..., "BusSettings"]
 
 
 def _scenario(file: str, bus: BusFlags) -> Scenario:
-    """The scenario or fleet that is meant, with Zenoh's flags laid over its bus."""
+    """The scenario or fleet of a name or file, its bus overridden by Zenoh's flags."""
     import msgspec
 
-    from muro_zenoh.supervision.launch import check_own_packages, find_scenario
+    from muro_zenoh.config import find_scenario
+    from muro_zenoh.supervision.preflight import check_own_packages
 
     check_own_packages()
-    scenario = find_scenario(file, None, {})
+    scenario = find_scenario(file)
     return msgspec.structs.replace(scenario, bus=bus(scenario.bus))
 
 
-def _stay(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> None:
+def _run(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> None:
     from muro_zenoh.runtime.process import run_process
 
     raise SystemExit(run_process(main, name))
@@ -42,7 +43,7 @@ def agent(file: str, name: str, bus: BusFlags) -> None:
     scenario = _scenario(file, bus)
     from agents.agent import run_agent
 
-    _stay(lambda: run_agent(scenario, name), name)
+    _run(lambda: run_agent(scenario, name), name)
 
 
 @click.command(epilog=example("muro base lab.toml r1"))
@@ -54,7 +55,7 @@ def base(file: str, name: str, bus: BusFlags) -> None:
     scenario = _scenario(file, bus)
     from agents.base.run import run_base_process
 
-    _stay(lambda: run_base_process(scenario, name), f"{name}_base")
+    _run(lambda: run_base_process(scenario, name), f"{name}_base")
 
 
 @click.command(epilog=example("muro basestation lab.toml --state lab-state.json"))
@@ -65,7 +66,7 @@ def base(file: str, name: str, bus: BusFlags) -> None:
     default=Path("basestation.json"),
     show_default=True,
     metavar="FILE",
-    help="Where circle, behaviours and stop are kept.",
+    help="The file in which circle, behaviours and stop are kept.",
 )
 @bus_options
 def basestation(file: str, state: Path, bus: BusFlags) -> None:
@@ -73,19 +74,21 @@ def basestation(file: str, state: Path, bus: BusFlags) -> None:
     scenario = _scenario(file, bus)
     from basestation.station import run_basestation
 
-    _stay(lambda: run_basestation(scenario, state), "basestation")
+    _run(lambda: run_basestation(scenario, state), "basestation")
 
 
 @click.command(epilog=example("muro sim pursuit --seed 3"))
 @click.argument("file")
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Starts, drive errors, noise.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of starts, drive errors and noise."
+)
 @bus_options
 def sim(file: str, seed: int, bus: BusFlags) -> None:
     """Run the simulator of a fleet or scenario FILE: all its wheels, and its cameras."""
     scenario = _scenario(file, bus)
     from agents.simulator import run_simulator
 
-    _stay(lambda: run_simulator(scenario, seed), "simulator")
+    _run(lambda: run_simulator(scenario, seed), "simulator")
 
 
 @click.command(
@@ -98,23 +101,18 @@ def sim(file: str, seed: int, bus: BusFlags) -> None:
 @click.argument("file", required=False)
 @bus_options
 def router(file: str | None, bus: BusFlags) -> None:
-    """Run a Zenoh router, where all others connect.
+    """Run a Zenoh router, to which all others connect.
 
     It listens where --listen says, else where the --config file says, else where the processes of the fleet or
     scenario FILE connect, else on tcp/127.0.0.1:7447.
     """
     import msgspec
 
-    from muro_zenoh.config import BusSettings
+    from muro_zenoh.config import BusSettings, find_scenario
     from muro_zenoh.transport.router import router_settings, run_router
 
-    if file is not None:
-        from muro_zenoh.supervision.launch import find_scenario
-
-        ground = router_settings(find_scenario(file, None, {}).bus)
-    else:
-        ground = router_settings(BusSettings())
-    settings = bus(ground)
-    if settings.config and file is None and settings.listen == ground.listen:
+    base = router_settings(find_scenario(file).bus if file is not None else BusSettings())
+    settings = bus(base)
+    if settings.config and file is None and settings.listen == base.listen:
         settings = msgspec.structs.replace(settings, listen=())
-    _stay(lambda: run_router(settings), "router")
+    _run(lambda: run_router(settings), "router")

@@ -25,7 +25,7 @@ from muro_zenoh.errors import ConfigError
     "--duration",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="How long, once everything is ready [s].  [default: the scenario's]",
+    help="How long to run once everything is ready [s].  [default: the scenario's]",
 )
 @click.option(
     "--seed",
@@ -35,16 +35,19 @@ from muro_zenoh.errors import ConfigError
     metavar="N",
     help="Of the simulator: starts, drive errors, noise.",
 )
-@click.option("--headless", is_flag=True, help="Plain lines, no table; so it is too when the output is no terminal.")
+@click.option("--headless", is_flag=True, help="Plain lines, no table; the default when the output is no terminal.")
 @click.option(
-    "--report", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write the score sheet there too."
+    "--report",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write the score sheet to this file, too.",
 )
 @click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Lay a value over the scenario's, such as circle.clockwise=true; repeatable.",
+    help="Override a setting of the scenario, such as circle.clockwise=true; repeatable.",
 )
 @click.option("--connect", metavar="ENDPOINT", help="Use the router there instead of starting one.")
 def run(
@@ -66,24 +69,36 @@ def run(
     2 for wrong settings, 130 when it was interrupted.
     """
     from muro_zenoh.cli.live import PlainScreen, TableScreen
-    from muro_zenoh.cli.options import lay_over
+    from muro_zenoh.cli.options import override_bus
+    from muro_zenoh.cli.summary import summary
+    from muro_zenoh.config import find_scenario
     from muro_zenoh.runtime.process import run_process
-    from muro_zenoh.supervision.launch import check_can_run, check_own_packages, find_scenario, make_run_folder
-    from muro_zenoh.supervision.run import Order, Screen, conduct
+    from muro_zenoh.supervision.folder import REPORT, make_run_folder, write_report
+    from muro_zenoh.supervision.preflight import check_can_run, check_own_packages
+    from muro_zenoh.supervision.run import RunSettings, Screen, run_fleet
 
     overrides = assignments(settings, "--set")
     if duration is not None:
         overrides["duration"] = duration
     resolved = find_scenario(scenario, robots, overrides)
     if connect is not None:
-        lay_over(None, {"connect": (connect,)})
+        override_bus(None, {"connect": (connect,)})  # for its check of the endpoint
     check_own_packages()
     check_can_run(resolved, Path(scenario).name if scenario.endswith(".toml") else f"{scenario}.toml")
     if report is not None and not os.access(report.parent, os.W_OK):
         raise ConfigError(
-            "--report", got=f"{report}, whose folder is not there to write to", expected="a file that can be written"
+            "--report", got=f"{report}, whose folder cannot be written to", expected="a file that can be written"
         )
     folder = make_run_folder(resolved.name)
-    order = Order(resolved, folder, seed, connect, report)
     screen: Screen = PlainScreen() if headless or not sys.stdout.isatty() else TableScreen()
-    raise SystemExit(run_process(lambda: conduct(order, screen), "muro"))
+
+    async def run_and_report() -> int:
+        result = await run_fleet(RunSettings(resolved, folder, seed, connect), screen)
+        if result.sheet is not None:
+            if report is not None:
+                write_report(result.sheet, report)
+            click.echo(summary(result.sheet))
+            click.echo(f"score sheet: {report or folder / REPORT}")
+        return result.exit_code
+
+    raise SystemExit(run_process(run_and_report, "muro"))

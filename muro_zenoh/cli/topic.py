@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from muro_zenoh.cli.options import MuroGroup, bus_options, example
+from muro_zenoh.cli.group import MuroGroup
+from muro_zenoh.cli.options import bus_options, example
 from muro_zenoh.cli.orders import on_bus
 
 if TYPE_CHECKING:
@@ -21,11 +22,11 @@ BusFlags = Callable[..., "BusSettings"]
 
 @click.group(cls=MuroGroup, epilog=example("muro topic list", "muro topic echo pose/r1", "muro topic hz 'cmd_vel/*'"))
 def topic() -> None:
-    """Look at what goes over the bus."""
+    """Look at the messages on the bus."""
 
 
-def _look(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettings) -> None:
-    """Run a command that prints until it is interrupted, or nobody reads any more."""
+def _listen(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettings) -> None:
+    """Run a command that prints until it is interrupted, or its output is closed."""
 
     async def run(bus: Bus) -> int:
         try:
@@ -34,7 +35,7 @@ def _look(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettings
             import os
             import sys
 
-            # What is still in the buffer has no reader either.
+            # What is still buffered has no reader, either.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
 
@@ -45,10 +46,12 @@ _FOR = click.FloatRange(min=0, min_open=True)
 
 
 @topic.command("list", epilog=example("muro topic list", "muro topic list --for 5"))
-@click.option("--for", "seconds", type=_FOR, default=2.0, show_default=True, metavar="S", help="How long to listen.")
+@click.option(
+    "--for", "seconds", type=_FOR, default=2.0, show_default=True, metavar="S", help="How long to listen [s]."
+)
 @bus_options
 def list_topics(seconds: float, bus: BusFlags) -> None:
-    """List the keys that are written to, with their rates and types."""
+    """List the keys that are written to, with rate, size and type."""
     from muro_zenoh.cli.listen import listen_to
     from muro_zenoh.cli.payloads import type_of
 
@@ -68,18 +71,18 @@ def list_topics(seconds: float, bus: BusFlags) -> None:
             rate, size = counts[key] / seconds, sizes[key] / counts[key]
             click.echo(f"{key:{width}}  {rate:7.1f} Hz  {size:8.0f} B  {types[key]}")
         if not counts:
-            click.echo(f"nothing was written on {b.realm}/** within {seconds:g} s")
+            click.echo(f"no message on {b.realm}/** within {seconds:g} s")
         return 0
 
-    _look(main, bus())
+    _listen(main, bus())
 
 
 @topic.command(
     epilog=example("muro topic echo pose/r1", "muro topic echo 'health/*' --count 5", "muro topic echo /rt/odom")
 )
 @click.argument("key")
-@click.option("--count", type=click.IntRange(min=1), metavar="N", help="Leave after so many.")
-@click.option("--for", "seconds", type=_FOR, metavar="S", help="Leave after so long.")
+@click.option("--count", type=click.IntRange(min=1), metavar="N", help="Exit after this many messages.")
+@click.option("--for", "seconds", type=_FOR, metavar="S", help="Exit after this time.")
 @bus_options
 def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> None:
     """Print what is written on KEY.
@@ -96,30 +99,30 @@ def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> N
     async def main(b: Bus) -> int:
         left = count if count is not None else math.inf
 
-        came = False
+        received = False
 
-        def say(sample: Sample) -> bool:
-            nonlocal left, came
-            came = True
+        def print_sample(sample: Sample) -> bool:
+            nonlocal left, received
+            received = True
             click.echo(f"{sample.key} {shown(sample.payload, sample.encoding)}")
             left -= 1
             return left <= 0
 
-        await listen_to(b, expression, say, seconds)
-        if not came:
-            click.echo(f"nothing came on {expression}", err=True)
+        await listen_to(b, expression, print_sample, seconds)
+        if not received:
+            click.echo(f"no message on {expression}", err=True)
             return 1
         return 0
 
-    _look(main, settings)
+    _listen(main, settings)
 
 
 @topic.command(epilog=example("muro topic hz pose/r1", "muro topic hz 'cmd_vel/*' --for 10"))
 @click.argument("key")
-@click.option("--for", "seconds", type=_FOR, metavar="S", help="Leave after so long.")
+@click.option("--for", "seconds", type=_FOR, metavar="S", help="Exit after this time.")
 @bus_options
 def hz(key: str, seconds: float | None, bus: BusFlags) -> None:
-    """Print once a second how often KEY is written to, and the shortest and longest wait between two messages."""
+    """Print once a second how often KEY is written to, and the shortest and longest time between two messages."""
     from muro_zenoh.cli.listen import print_rates
     from muro_zenoh.cli.payloads import full_key
 
@@ -129,4 +132,4 @@ def hz(key: str, seconds: float | None, bus: BusFlags) -> None:
     async def main(b: Bus) -> int:
         return await print_rates(b, expression, seconds)
 
-    _look(main, settings)
+    _listen(main, settings)

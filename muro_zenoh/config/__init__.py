@@ -7,6 +7,7 @@ the default.
 """
 
 from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
+from muro_zenoh.config.find import built_in_scenarios, find_scenario
 from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
     BehaviourSettings,
@@ -29,8 +30,10 @@ __all__ = [
     "Section",
     "Simulation",
     "as_table",
+    "built_in_scenarios",
     "check_behaviour",
     "check_settings",
+    "find_scenario",
     "load_scenario",
     "make_behaviour",
     "parameters_as",

@@ -83,16 +83,6 @@ class Health(Message, frozen=True, kw_only=True):
     stop_revision: int = 0
 
 
-class Ack(Message, frozen=True, kw_only=True):
-    """What became of an order, which is named by its ``channel``, ``order_epoch`` and ``order_seq``."""
-
-    channel: str
-    order_epoch: int
-    order_seq: int
-    accepted: bool
-    reason: str = ""
-
-
 class SetCircle(Message, frozen=True, kw_only=True):
     """An order to the base station: change the circle. What is nil stays as it is."""
 

@@ -1,1 +1,1 @@
-"""What a run was worth: what is collected of it, and its score sheet."""
+"""What is collected of a run, and the score sheet that comes of it."""

@@ -1,59 +1,40 @@
-"""What is seen of a run while it goes on: from the bus, for the table and the score sheet."""
+"""What is seen of a run while it goes on: from the bus, for the live table and the score sheet."""
 
 from __future__ import annotations
 
 import asyncio
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from typing import Final
 
 from muro_zenoh import channels
 from muro_zenoh.config import Scenario
 from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
+from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
 from muro_zenoh.scoring.expectations import asked_of
-from muro_zenoh.scoring.goals import Body, Planned
-from muro_zenoh.scoring.sheet import RADIUS_BAND, SAMPLE_PERIOD, Calibrated, Observed, Sample, radius_error
-from muro_zenoh.transport import Bus, Every, Received
+from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
+from muro_zenoh.scoring.reports import AgentReports, SimulatorReports
+from muro_zenoh.scoring.sheet import ProcessUse
+from muro_zenoh.transport import Bus, Every
 
-TRUTH_FRESH = 0.5
+TRUTH_TIMEOUT: Final = 0.5
 """A truth older than this is not known any more [s]; the simulator sends 50 a second."""
 
-_CIRCLING = 10.0
-"""Calibrations are looked at after so long on the circle [s]."""
-
-
-@dataclass(slots=True)
-class _Writer:
-    """What one process's health has said since the scenario time began."""
-
-    epoch: int
-    last_fixes: float
-    first_stamp: float
-    last_stamp: float = 0.0
-    fixes: float = 0.0
-
-
-@dataclass(slots=True)
-class _Contacts:
-    """The simulator's counts through all its lives."""
-
-    epoch: int = 0
-    before: int = 0
-    now: int = 0
-    least: float | None = None
-    scales: dict[str, float] = field(default_factory=dict)
+_CIRCLING: Final = 10.0
+"""Calibrations are looked at after this time on the circle [s]."""
 
 
 class Collector:
-    """Listens from the start on, and collects from :meth:`begin` on.
+    """Listens from its start, and collects from :meth:`begin` on.
 
     Args:
         bus: the bus.
-        scenario: whose robots are looked at.
+        scenario: the scenario whose robots are observed.
 
     Attributes:
+        asked: what the scenario asks of its robots.
         health: the newest health of each process.
         latest: the newest sample.
     """
@@ -68,18 +49,15 @@ class Collector:
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
         self._paths = bus.every(channels.PATH, "*", depth=4096)
-        # Only who asks for it pays for it.
+        # Recorded only for the check that needs it: these are many messages.
         self._commands = (
             bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
         )
-        self._asked = asked_of(scenario)
+        self.asked = asked_of(scenario)
         self._planned: dict[str, list[Planned]] = {name: [] for name in scenario.robots}
         self._command_ratio: float | None = None
-        self._writers: dict[str, _Writer] = {}
-        self._epochs: dict[str, int] = {}
-        self._contacts = _Contacts()
-        self._pose_age: list[float] = []
-        self._pose_to_command: list[float] = []
+        self._agents = AgentReports()
+        self._simulator = SimulatorReports()
         self._samples: list[Sample] = []
         self._began: float | None = None
         self._on_circle_since: dict[str, float] = {}
@@ -100,76 +78,44 @@ class Collector:
     def begin(self) -> None:
         """Scenario time is 0 now."""
         self._began = self._bus.clock.now()
-        self._epochs = {name: health.epoch for name, health in self.health.items()}
+        self._agents.begin(self._began, {name: health.epoch for name, health in self.health.items()})
 
     async def run(self) -> None:
         """Collect until cancelled."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self.hear(), name="collect health")
+            tasks.create_task(self.collect_health(), name="collect health")
             tasks.create_task(self._sample_at_10_hz(), name="collect samples")
-            tasks.create_task(self._note_paths(), name="collect paths")
+            tasks.create_task(self._collect_paths(), name="collect paths")
             if self._commands is not None:
-                tasks.create_task(self._note_commands(self._commands), name="collect commands")
+                tasks.create_task(self._collect_commands(self._commands), name="collect commands")
 
     # ---- health
 
-    async def hear(self) -> None:
+    async def collect_health(self) -> None:
         """Take the health of every process as it comes, until cancelled."""
         async for received in self._health:
             self.health[received.name] = received.message
             if received.message.role == "simulator":
-                self._note_simulator(received.message)
+                self._simulator.add(received.message)
             if self._began is not None:
-                self._note_health(received)
-
-    def _note_health(self, received: Received[Health]) -> None:
-        health = received.message
-        fixes = health.numbers.get("fixes", 0.0)
-        writer = self._writers.get(received.name)
-        if writer is None:
-            # The first one speaks of the time before, too, so it only marks where counting begins; unless its process
-            # began after that.
-            writer = self._writers[received.name] = _Writer(health.epoch, fixes, health.stamp)
-            before = self._epochs.get(received.name, health.epoch)
-            if before == health.epoch:
-                return
-            writer.epoch, writer.first_stamp = before, self._began or 0.0
-        if health.epoch != writer.epoch:
-            writer.epoch, writer.last_fixes = health.epoch, 0.0
-        writer.fixes += max(0.0, fixes - writer.last_fixes)
-        writer.last_fixes, writer.last_stamp = fixes, health.stamp
-        self._pose_age += health.samples.get("pose_age_s", ())
-        self._pose_to_command += health.samples.get("pose_to_command_s", ())
-
-    def _note_simulator(self, health: Health) -> None:
-        contacts = self._contacts
-        if health.epoch != contacts.epoch:
-            contacts.epoch, contacts.before, contacts.now = health.epoch, contacts.before + contacts.now, 0
-        contacts.now = int(health.numbers.get("collisions", 0.0))
-        least = health.numbers.get("min_separation_m")
-        if least is not None:
-            contacts.least = least if contacts.least is None else min(contacts.least, least)
-        contacts.scales = {k: v for k, v in health.numbers.items() if k.startswith("scale_")}
+                self._agents.add(received.name, received.message)
 
     def fix_rate(self, robot: str) -> float | None:
-        """Accepted fixes per second of scenario time, as far as it was reported.
+        """Accepted fixes per second of scenario time, as far as they were reported [Hz].
 
         Args:
-            robot: whose.
+            robot: its name.
         """
-        writer = self._writers.get(robot)
-        if writer is None or writer.last_stamp <= writer.first_stamp:
-            return None
-        return writer.fixes / (writer.last_stamp - writer.first_stamp)
+        return self._agents.fix_rate(robot)
 
     def calibrated(self, robot: str) -> Calibrated:
         """The calibrations found, and what the simulator hides.
 
         Args:
-            robot: whose.
+            robot: its name.
         """
         cal_omega, cal_v = self._cal_omega.values().get(robot), self._cal_v.values().get(robot)
-        scales = self._contacts.scales
+        scales = self._simulator.scales
         return Calibrated(
             cal_omega.message.value if cal_omega is not None else None,
             cal_v.message.value if cal_v is not None else None,
@@ -190,36 +136,44 @@ class Collector:
     def take_sample(self) -> None:
         """Look at the fleet once."""
         bodies = self._bodies(self._bus.clock.now())
-        places = {name: (body.x, body.y) for name, body in bodies.items()}
-        self.latest = Sample(self.elapsed, places, self.circle, bodies)
+        positions = {name: (body.x, body.y) for name, body in bodies.items()}
+        self.latest = Sample(self.elapsed, positions, self.circle, bodies)
         if self._began is not None:
             self._samples.append(self.latest)
             self._note_circling(self.latest)
 
     @property
     def circle(self) -> Circle:
-        """The circle to follow: as it was heard, else as the scenario has it."""
-        heard = self._circle.get()
-        return heard.message.circle if heard is not None else self._scenario.circle
+        """The circle to follow: the last one received, else the scenario's."""
+        received = self._circle.get()
+        return received.message.circle if received is not None else self._scenario.circle
 
     def _bodies(self, now: float) -> dict[str, Body]:
-        heard = self._truth.values()
+        received = self._truth.values()
         return {
             name: Body(truth.message.x, truth.message.y, truth.message.theta, truth.message.v, truth.message.omega)
             for name in self._robots
-            if (truth := heard.get(name)) is not None and truth.age(now) < TRUTH_FRESH
+            if (truth := received.get(name)) is not None and truth.age(now) < TRUTH_TIMEOUT
         }
+
+    def _note_circling(self, sample: Sample) -> None:
+        for name, position in sample.positions.items():
+            if name not in self._on_circle_since:
+                if radius_error(position, sample.circle) <= RADIUS_BAND:
+                    self._on_circle_since[name] = sample.t
+            elif name not in self._error_after and sample.t - self._on_circle_since[name] >= _CIRCLING:
+                self._error_after[name] = self.calibrated(name).error
 
     # ---- paths and commands
 
-    async def _note_paths(self) -> None:
+    async def _collect_paths(self) -> None:
         async for received in self._paths:
             m = received.message
             if received.name in self._planned:
                 path = Path(Pose2(m.x, m.y, m.theta), tuple(Segment(*segment) for segment in m.segments))
                 self._planned[received.name].append(Planned(self.elapsed, path))
 
-    async def _note_commands(self, commands: Every[VelocityCommand]) -> None:
+    async def _collect_commands(self, commands: Every[VelocityCommand]) -> None:
         async for received in commands:
             robot = self._scenario.robot.get(received.name)
             if robot is not None:
@@ -227,24 +181,10 @@ class Collector:
                 ratio = max(abs(m.v) / robot.v_max, abs(m.omega) / robot.omega_max)
                 self._command_ratio = max(self._command_ratio or 0.0, ratio)
 
-    def _note_circling(self, sample: Sample) -> None:
-        for name, place in sample.places.items():
-            if name not in self._on_circle_since:
-                if radius_error(place, sample.circle) <= RADIUS_BAND:
-                    self._on_circle_since[name] = sample.t
-            elif name not in self._error_after and sample.t - self._on_circle_since[name] >= _CIRCLING:
-                self._error_after[name] = self.calibrated(name).error
-
     # ---- the end
 
     def observed(
-        self,
-        *,
-        duration: float,
-        seed: int | None,
-        ended: str,
-        restarts: int,
-        processes: Mapping[str, Mapping[str, float | None]],
+        self, *, duration: float, seed: int | None, ended: str, restarts: int, processes: Mapping[str, ProcessUse]
     ) -> Observed:
         """All that was seen.
 
@@ -255,30 +195,23 @@ class Collector:
             restarts: of processes.
             processes: their use of the machine.
         """
-        asked = self._asked
-        contacts = self._contacts
         return Observed(
             scenario=self._scenario.name,
             robots=self._robots,
             duration=duration,
+            asked=self.asked,
             seed=seed,
             ended=ended,
-            follows_circle=asked.follows_circle,
-            spreads=asked.spreads,
             samples=self._samples,
-            pose_age=self._pose_age,
-            pose_to_command=self._pose_to_command,
+            pose_age=self._agents.pose_age,
+            pose_to_command=self._agents.pose_to_command,
             fix_rate={name: self.fix_rate(name) for name in self._robots},
-            collisions=contacts.before + contacts.now if contacts.epoch else None,
-            min_separation=contacts.least,
+            collisions=self._simulator.collisions,
+            min_separation=self._simulator.min_separation,
             calibration={name: self.calibrated(name) for name in self._robots},
             calibration_error_10s=self._error_after,
             restarts=restarts,
             processes=processes,
-            goals=asked.goals,
-            paths=self._planned if asked.v_min is not None else {},
-            v_min=asked.v_min,
+            paths=self._planned if self.asked.v_min is not None else {},
             command_ratio=self._command_ratio,
-            deployment=asked.deployment,
-            importance=asked.importance,
         )

@@ -1,59 +1,43 @@
-"""What a run to goals was worth, from the robots' true places. Pure; ``docs/scoresheet.md`` defines the numbers."""
+"""How well robots went to their goals, and along their paths, from their true positions. Pure."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final, NamedTuple
 
 from muro_zenoh.control.path_tracking import path_error
 from muro_zenoh.geometry import Pose2, wrap_to_pi
-from muro_zenoh.planning.path import STRAIGHT, Path
+from muro_zenoh.planning.path import STRAIGHT
+from muro_zenoh.scoring.observed import STATIONARY_SPEED, Body, Moment, Planned
+from muro_zenoh.scoring.rows import Row, Table
 
-STANDS_BELOW: Final = 0.01
-"""A robot slower than this stands [m/s] ..."""
-
-STANDS_TURNING_BELOW: Final = 0.05
-"""... when it turns slower than this, too [rad/s] ..."""
-
-STAND: Final = 0.4
-"""... for at least so long [s]."""
+REST: Final = 0.4
+"""A robot rests when it is stationary for at least this long [s]."""
 
 NEAR: Final = 0.10
-"""Who stands so near a goal stands at it, well or badly [m]."""
+"""A robot that rests within this distance of a goal rests at that goal, however badly [m]."""
 
 
-class Body(NamedTuple):
-    """A robot as it truly is: x, y [m, world], theta [rad], v [m/s], omega [rad/s]."""
+@dataclass(frozen=True, slots=True)
+class GoalResult(Table):
+    """One goal of a robot, and how well it was reached."""
 
-    x: float
-    y: float
-    theta: float
-    v: float
-    omega: float
-
-    @property
-    def stands(self) -> bool:
-        """Whether it neither drives nor turns."""
-        return abs(self.v) < STANDS_BELOW and abs(self.omega) < STANDS_TURNING_BELOW
-
-
-class Moment(NamedTuple):
-    """A robot at one scenario time ``t`` [s]."""
-
-    t: float
-    body: Body
+    x: Annotated[float, Row("where the goal is, world frame", "m")]
+    y: Annotated[float, Row("where the goal is, world frame", "m")]
+    theta: Annotated[float | None, Row("the heading asked for; `null` when none is", "rad")]
+    reached_s: Annotated[
+        float | None, Row("scenario time at which the robot came to rest there; `null` when it did not", "s", 2)
+    ] = None
+    distance_m: Annotated[float | None, Row("distance of the robot at rest there from the goal", "m", 4)] = None
+    heading_rad: Annotated[
+        float | None, Row("angle between the heading of the robot at rest there and the one asked for", "rad", 4)
+    ] = None
 
 
-class Planned(NamedTuple):
-    """A path, and the scenario time from which on the robot followed it [s]."""
-
-    t: float
-    path: Path
-
-
-class Stand(NamedTuple):
-    """A stretch of time in which a robot stood: from, to [s], and where at its end."""
+class Rest(NamedTuple):
+    """A stretch of time in which a robot was stationary: from, to [s], and where it was at its end."""
 
     begin: float
     end: float
@@ -72,61 +56,52 @@ class Tracked(NamedTuple):
     peak: float | None
 
 
-def stands(track: Sequence[Moment]) -> list[Stand]:
-    """When and where a robot stood.
+def rests(track: Sequence[Moment]) -> list[Rest]:
+    """When and where a robot rested.
 
     Args:
         track: the robot, in order of time.
     """
-    found: list[Stand] = []
+    found: list[Rest] = []
     since: float | None = None
-    for k, (t, body) in enumerate(track):
-        if not body.stands:
+    for t, body in track:
+        if not body.stationary:
             since = None
             continue
         if since is None:
             since = t
-            found.append(Stand(t, t, body))
-        found[-1] = Stand(since, track[k].t, body)
-    return [stand for stand in found if stand.end - stand.begin >= STAND - 1e-6]
+            found.append(Rest(t, t, body))
+        found[-1] = Rest(since, t, body)
+    return [rest for rest in found if rest.end - rest.begin >= REST - 1e-6]
 
 
-def score_goals(goals: Sequence[Sequence[float]], track: Sequence[Moment]) -> list[dict[str, Any]]:
+def score_goals(goals: Sequence[Sequence[float]], track: Sequence[Moment]) -> tuple[GoalResult, ...]:
     """Each goal of one robot: when it was reached, and how well.
 
-    A goal is reached at the first stand within :data:`NEAR` of it after the goal before was reached. A robot that
-    stands there several times, coming nearer, is judged by the last of them.
+    A goal is reached at the first rest within :data:`NEAR` of it after the goal before was reached. A robot that rests
+    there several times, coming nearer, is judged by the last of them.
 
     Args:
         goals: rows ``(x, y)`` or ``(x, y, theta)`` [m, world; rad], in order.
         track: the robot, in order of time.
     """
-    found, k = stands(track), 0
-    rows: list[dict[str, Any]] = []
+    found, k = rests(track), 0
+    results: list[GoalResult] = []
     for goal in goals:
-        row: dict[str, Any] = {
-            "x": goal[0],
-            "y": goal[1],
-            "theta": goal[2] if len(goal) > 2 else None,
-            "reached_s": None,
-            "distance_m": None,
-            "heading_rad": None,
-        }
-        rows.append(row)
-        there = k
-        while there < len(found) and _distance(found[there].body, goal) > NEAR:
-            there += 1
-        if there == len(found):
+        theta = goal[2] if len(goal) > 2 else None
+        at = k
+        while at < len(found) and _distance(found[at].body, goal) > NEAR:
+            at += 1
+        if at == len(found):
+            results.append(GoalResult(goal[0], goal[1], theta))
             continue
-        while there + 1 < len(found) and _distance(found[there + 1].body, goal) <= NEAR:
-            there += 1
-        k = there + 1
-        at = found[there]
-        row["reached_s"] = round(at.begin, 2)
-        row["distance_m"] = round(_distance(at.body, goal), 4)
-        if len(goal) > 2:
-            row["heading_rad"] = round(abs(wrap_to_pi(at.body.theta - goal[2])), 4)
-    return rows
+        while at + 1 < len(found) and _distance(found[at + 1].body, goal) <= NEAR:
+            at += 1
+        k = at + 1
+        rest = found[at]
+        heading = abs(wrap_to_pi(rest.body.theta - theta)) if theta is not None else None
+        results.append(GoalResult(goal[0], goal[1], theta, rest.begin, _distance(rest.body, goal), heading))
+    return tuple(results)
 
 
 def score_tracking(paths: Sequence[Planned], track: Sequence[Moment]) -> Tracked:
@@ -142,30 +117,15 @@ def score_tracking(paths: Sequence[Planned], track: Sequence[Moment]) -> Tracked
     for t, body in track:
         while k + 1 < len(paths) and paths[k + 1].t <= t:
             k, s = k + 1, 0.0
-        if k < 0 or abs(body.v) < STANDS_BELOW:
+        if k < 0 or abs(body.v) < STATIONARY_SPEED:
             continue
         path = paths[k].path
         s = path_error(path, Pose2(body.x, body.y, body.theta), s).s
-        there = path.pose_at(s)
-        errors.append(math.hypot(body.x - there.x, body.y - there.y))
+        nearest = path.pose_at(s)
+        errors.append(math.hypot(body.x - nearest.x, body.y - nearest.y))
         if abs(path.curvature_at(s)) < STRAIGHT:
             peak = max(peak or 0.0, body.v)
     return Tracked(errors, peak)
-
-
-def goals_table(goals: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
-    """All robots' goals in four numbers.
-
-    Args:
-        goals: by robot, as :func:`score_goals` has them.
-    """
-    rows = [row for of_robot in goals.values() for row in of_robot]
-    return {
-        "goals_asked": len(rows),
-        "goals_reached": sum(1 for row in rows if row["reached_s"] is not None),
-        "goal_distance_m": max((r["distance_m"] for r in rows if r["distance_m"] is not None), default=None),
-        "goal_heading_rad": max((r["heading_rad"] for r in rows if r["heading_rad"] is not None), default=None),
-    }
 
 
 def _distance(body: Body, goal: Sequence[float]) -> float:

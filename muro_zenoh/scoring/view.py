@@ -1,4 +1,4 @@
-"""A run at one moment, from what was collected of it so far."""
+"""A run at one moment, from what was collected of it so far: what the live table shows."""
 
 from __future__ import annotations
 
@@ -6,20 +6,16 @@ import statistics
 from typing import NamedTuple
 
 from muro_zenoh.config import Scenario
-from muro_zenoh.control import ring
-from muro_zenoh.geometry import Circle
+from muro_zenoh.scoring.circle import gaps_ahead, radius_error, spacing_error
 from muro_zenoh.scoring.collector import Collector
-from muro_zenoh.scoring.sheet import Calibrated, radius_error, spacing_error
-
-_NO_CIRCLE = ("dubins", "coverage", "steer")
-"""Scenarios whose robots have nothing to do with the circle."""
+from muro_zenoh.scoring.observed import Calibrated
 
 
-class Row(NamedTuple):
+class RobotRow(NamedTuple):
     """One robot in the table; None is not known.
 
     Attributes:
-        name: whose row.
+        name: of the robot.
         state: in a word.
         reasons: why it is not driving.
         pose_age: median since the last health [s].
@@ -44,7 +40,7 @@ class View(NamedTuple):
 
     Attributes:
         t: scenario time [s].
-        duration: how long it goes on [s].
+        duration: how long the run takes [s].
         rows: one per robot.
         radius_error: the largest [m]; None while a robot's truth is not known.
         spacing_error: [rad]; the same.
@@ -53,20 +49,10 @@ class View(NamedTuple):
 
     t: float
     duration: float
-    rows: list[Row]
+    rows: list[RobotRow]
     radius_error: float | None
     spacing_error: float | None
     restarts: int
-
-
-def gaps_ahead(places: dict[str, tuple[float, float]], circle: Circle) -> dict[str, float]:
-    """The gap from each robot to the next in the direction of travel [rad]; a whole turn for a robot alone.
-
-    Args:
-        places: x, y [m, world] by robot.
-        circle: whose centre, and whose direction.
-    """
-    return ring.gaps_ahead(ring.angles_round(places, circle), circle.clockwise)
 
 
 def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
@@ -77,32 +63,33 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         scenario: its robots and its duration.
         restarts: of processes.
     """
-    sample = collector.latest
-    circling = scenario.behaviour.name not in _NO_CIRCLE
-    gaps = gaps_ahead(dict(sample.places), sample.circle)
+    sample, asked = collector.latest, collector.asked
+    # Robots that are asked for nothing may circle, too: their behaviour is the user's own, or is changed later.
+    circling = not (asked.goals or asked.v_min or asked.deployment)
+    gaps = gaps_ahead(sample.positions, sample.circle)
     rows = []
     for name in scenario.robots:
         health = collector.health.get(name)
         ages = health.samples.get("pose_age_s", ()) if health is not None else ()
-        place = sample.places.get(name)
+        position = sample.positions.get(name)
         rows.append(
-            Row(
+            RobotRow(
                 name,
                 health.state if health is not None else "-",
-                ", ".join(health.reasons) if health is not None else "not heard yet",
+                ", ".join(health.reasons) if health is not None else "no report yet",
                 statistics.median(ages) if ages else None,
-                radius_error(place, sample.circle) if place is not None and circling else None,
+                radius_error(position, sample.circle) if position is not None and circling else None,
                 gaps.get(name) if circling else None,
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
             )
         )
-    everybody = circling and len(sample.places) == len(scenario.robots)
+    all_known = circling and len(sample.positions) == len(scenario.robots)
     return View(
         collector.elapsed,
         scenario.duration,
         rows,
-        max(radius_error(p, sample.circle) for p in sample.places.values()) if everybody else None,
-        spacing_error(sample.places, sample.circle) if everybody else None,
+        max(radius_error(p, sample.circle) for p in sample.positions.values()) if all_known else None,
+        spacing_error(sample.positions, sample.circle) if all_known else None,
         restarts,
     )

@@ -1,4 +1,4 @@
-"""A child process: its lives, its log, its end."""
+"""A child process: its runs, its log, its end."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ class ChildSpec:
 
 
 class Child:
-    """A child process through all its lives.
+    """A child process, over all its restarts.
 
     Args:
-        spec: what it is.
-        log: the file that each life adds its output to.
-        lifeline: reading end of the pipe that ends with the parent.
+        spec: what to start.
+        log: the file that each run appends its output to.
+        lifeline: reading end of the pipe that closes when the parent ends.
 
     Attributes:
-        spec: what it is.
-        log: its file.
-        restarts: how often it was started again.
-        pid: of its present life; None while it has none.
+        spec: what to start.
+        log: the file of its output.
+        restarts: how often it was restarted.
+        pid: of the current run; None while it is not running.
         ready: set while it is up.
         was_ready: it has been up once.
-        leaving: it was asked to leave for good.
+        stopping: it was asked to exit for good.
     """
 
     def __init__(self, spec: ChildSpec, log: Path, lifeline: int) -> None:
@@ -59,11 +59,11 @@ class Child:
         self.pid: int | None = None
         self.ready = asyncio.Event()
         self.was_ready = False
-        self.leaving = False
+        self.stopping = False
         self._lifeline = lifeline
 
-    async def live(self) -> tuple[int, list[str]]:
-        """One life, from its start to its end.
+    async def run(self) -> tuple[int, list[str]]:
+        """Start it, and wait until it ends.
 
         Returns:
             The exit code (minus the signal that ended it), and the last lines of its log.
@@ -92,8 +92,8 @@ class Child:
             try:
                 await _end_of(process.pid)
             finally:
-                # What it started goes with it; and it itself when we are cancelled, the last resort. Before it is
-                # waited for, so that its number cannot have become another's.
+                # What it started is killed with it, and when we are cancelled so is the child itself, the last resort.
+                # Before it is waited for, so that its pid cannot have been reused.
                 self.kill()
                 code = process.wait()
                 self.pid = None
@@ -103,19 +103,19 @@ class Child:
         return code, _tail(self.log, begin)
 
     def terminate(self) -> None:
-        """Ask it to leave."""
+        """Ask it to exit."""
         if self.pid is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGTERM)
 
     def kill(self) -> None:
-        """Kill it and whatever it has started."""
+        """Kill it and every process that it has started."""
         if self.pid is not None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGKILL)
 
     async def _listen(self, pipe: IO[bytes], log: IO[bytes]) -> None:
-        """Read its standard output: the ready line, and what else it prints, which goes to its log."""
+        """Read its standard output: the ready line, and everything that it prints, for its log."""
         reader = asyncio.StreamReader()
         transport, _ = await asyncio.get_running_loop().connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), pipe
@@ -130,12 +130,12 @@ class Child:
             transport.close()
 
 
-def how_it_ended(code: int) -> str:
+def exit_description(code: int) -> str:
     """How a process ended, in words."""
     if code < 0:
         with contextlib.suppress(ValueError):
-            return f"was ended by {signal.Signals(-code).name}"
-    return f"left with exit code {code}"
+            return f"was killed by {signal.Signals(-code).name}"
+    return f"exited with code {code}"
 
 
 async def _end_of(pid: int) -> None:
@@ -147,18 +147,18 @@ async def _end_of(pid: int) -> None:
             await asyncio.sleep(0.05)
         return
     loop = asyncio.get_running_loop()
-    gone: asyncio.Future[None] = loop.create_future()
-    loop.add_reader(fd, _settle, gone)
+    ended: asyncio.Future[None] = loop.create_future()
+    loop.add_reader(fd, _set_done, ended)
     try:
-        await gone
+        await ended
     finally:
         loop.remove_reader(fd)
         os.close(fd)
 
 
-def _settle(gone: asyncio.Future[None]) -> None:
-    if not gone.done():
-        gone.set_result(None)
+def _set_done(ended: asyncio.Future[None]) -> None:
+    if not ended.done():
+        ended.set_result(None)
 
 
 def _ended(pid: int) -> bool:
@@ -166,7 +166,7 @@ def _ended(pid: int) -> bool:
 
 
 def _tail(path: Path, begin: int) -> list[str]:
-    """The last lines of a log from a place on."""
+    """The last lines of a log from a position on."""
     with path.open("rb") as log:
         log.seek(max(begin, path.stat().st_size - _TAIL_BYTES))
         return log.read().decode(errors="replace").splitlines()[-_TAIL_LINES:]

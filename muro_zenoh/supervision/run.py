@@ -4,58 +4,78 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
-
-import click
+from typing import Any, NamedTuple, Protocol
 
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.scoring.collector import Collector
-from muro_zenoh.scoring.sheet import score_sheet
+from muro_zenoh.scoring.score import score_run
+from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
 from muro_zenoh.supervision import launch
+from muro_zenoh.supervision.child import Child
+from muro_zenoh.supervision.folder import REPORT, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
 from muro_zenoh.transport import open_bus
 
 INTERRUPTED = 130
-"""Exit code of a run that was asked to leave before its end."""
+"""Exit code of a run that was interrupted before its end."""
+
+_VIEW_PERIOD = 0.25
+_USAGE_PERIOD = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """What an operator asked for.
+class RunSettings:
+    """What to run.
 
     Attributes:
         scenario: the scenario.
         folder: of the run.
         seed: of the simulator.
-        connect: a router that runs elsewhere; None for one of our own.
-        report: where the score sheet goes besides the folder; None for nowhere.
+        connect: a router that runs elsewhere; None to start one.
     """
 
     scenario: Scenario
     folder: Path
-    seed: int
-    connect: str | None
-    report: Path | None
+    seed: int = 1
+    connect: str | None = None
+
+
+class RunResult(NamedTuple):
+    """What came of a run.
+
+    Attributes:
+        sheet: the score sheet; None when not all processes became ready.
+        interrupted: whether a signal ended it.
+    """
+
+    sheet: ScoreSheet | None
+    interrupted: bool
+
+    @property
+    def exit_code(self) -> int:
+        """Of ``muro run``: 0 when all checks were met, 1 when not, 130 when it was interrupted."""
+        if self.interrupted:
+            return INTERRUPTED
+        return 0 if self.sheet is not None and self.sheet.passed else 1
 
 
 class Screen(Protocol):
     """Where a run is shown."""
 
-    def tell(self, text: str) -> None:
-        """Say something that happened."""
+    def notify(self, text: str) -> None:
+        """Say that something happened."""
         ...
 
     def show(self, view: View) -> None:
-        """Show how it is now; called a few times a second."""
+        """Show the state of the run; called a few times a second."""
         ...
 
     def __enter__(self) -> Screen: ...
@@ -65,67 +85,41 @@ class Screen(Protocol):
     ) -> None: ...
 
 
-async def conduct(order: Order, screen: Screen) -> int:
-    """Carry a run out.
+async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
+    """Run a fleet as processes of this machine, and leave its score sheet in the folder of the run.
 
     Args:
-        order: which.
+        settings: what to run.
         screen: where it is shown.
-
-    Returns:
-        The exit code.
     """
-    screen.tell(
-        f"{order.scenario.name}: {len(order.scenario.robots)} robots, seed {order.seed}; logs in {order.folder}/"
-    )
-    sheet = None
+    scenario = settings.scenario
+    screen.notify(f"{scenario.name}: {len(scenario.robots)} robots, seed {settings.seed}; logs in {settings.folder}/")
     with screen:
         try:
-            async with Supervisor(order.folder, screen.tell) as supervisor:
-                sheet = await _run(order, supervisor, screen)
+            async with Supervisor(settings.folder, screen.notify) as supervisor:
+                sheet = await _run(settings, supervisor, screen)
         except SupervisionError as error:
-            screen.tell(f"given up: {error}")
+            screen.notify(f"failed: {error}")
+            return RunResult(None, interrupted=False)
         except asyncio.CancelledError:
-            screen.tell("interrupted before everything was ready")
-            return INTERRUPTED
-    if sheet is None:
-        return 1
-    text = json.dumps(sheet, indent=1) + "\n"
-    for path in (order.folder / "report.json", order.report):
-        if path is not None:
-            path.write_text(text)
-    click.echo(summary(sheet))
-    click.echo(f"score sheet: {order.report or order.folder / 'report.json'}")
-    if sheet["ended"] == "interrupted":
-        return INTERRUPTED
-    return 0 if sheet["passed"] else 1
+            screen.notify("interrupted before all processes were ready")
+            return RunResult(None, interrupted=True)
+    write_report(sheet, settings.folder / REPORT)
+    return RunResult(sheet, interrupted=sheet.ended == "interrupted")
 
 
-async def _run(order: Order, supervisor: Supervisor, screen: Screen) -> dict[str, Any]:
-    """From the first process to the score sheet; the processes are left to the supervisor."""
+async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) -> ScoreSheet:
+    """From the first process to the score sheet; the supervisor ends the processes."""
     began = asyncio.get_running_loop().time()
-    scenario = order.scenario
-    if order.connect is None:
-        scenario, starting = await launch.start_all(supervisor, scenario, order.seed, order.folder)
-        endpoint = scenario.bus.connect[0]
-        if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
-            screen.tell(
-                f"port {launch.PORT} is taken, so this fleet is one of its own on {endpoint}: "
-                f"speak to it with --connect {endpoint}"
-            )
-    else:
-        scenario = launch.connected_to(scenario, order.connect)
-        file = launch.write_scenario(scenario, order.folder)
-        specs = launch.fleet_specs(scenario, file, order.seed, order.folder)
-        starting = asyncio.create_task(supervisor.start(specs), name="start the fleet")
+    scenario, starting = await _start(settings, supervisor, screen)
     try:
         async with open_bus(scenario.bus, Role.OPERATOR) as bus:
             collector = Collector(bus, scenario)
             collecting = asyncio.create_task(collector.run(), name="collect")
             try:
                 await starting
-                screen.tell(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
-                return await _watch(order, supervisor, screen, collector, collecting)
+                screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
+                return await _watch(settings, supervisor, screen, collector, collecting)
             finally:
                 collecting.cancel()
                 with contextlib.suppress(asyncio.CancelledError):
@@ -135,11 +129,34 @@ async def _run(order: Order, supervisor: Supervisor, screen: Screen) -> dict[str
         await asyncio.wait({starting})
 
 
+async def _start(
+    settings: RunSettings, supervisor: Supervisor, screen: Screen
+) -> tuple[Scenario, asyncio.Task[list[Child]]]:
+    """Start every process; the scenario with the router's endpoint, and the task that ends when all are ready."""
+    scenario, folder = settings.scenario, settings.folder
+    if settings.connect is not None:
+        scenario = launch.connected_to(scenario, settings.connect)
+        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder)
+        return scenario, asyncio.create_task(supervisor.start(specs), name="start the fleet")
+    scenario, starting = await launch.start_all(supervisor, scenario, settings.seed, folder)
+    endpoint = scenario.bus.connect[0]
+    if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
+        screen.notify(
+            f"port {launch.PORT} is taken, so this fleet has a router of its own on {endpoint}: "
+            f"reach it with --connect {endpoint}"
+        )
+    return scenario, starting
+
+
 async def _watch(
-    order: Order, supervisor: Supervisor, screen: Screen, collector: Collector, collecting: asyncio.Task[None]
-) -> dict[str, Any]:
-    """From the moment all are ready to the score sheet."""
-    scenario, loop = order.scenario, asyncio.get_running_loop()
+    settings: RunSettings,
+    supervisor: Supervisor,
+    screen: Screen,
+    collector: Collector,
+    collecting: asyncio.Task[None],
+) -> ScoreSheet:
+    """From the moment at which all are ready to the score sheet."""
+    scenario, loop = settings.scenario, asyncio.get_running_loop()
     usage = UsageTable()
 
     def processes() -> list[tuple[str, int | None]]:
@@ -153,88 +170,29 @@ async def _watch(
     begin = loop.time()
     end = begin + scenario.duration
     failing = asyncio.ensure_future(supervisor.failure())
-    ended, next_usage = "duration", begin + 1.0
+    ended, next_usage = "duration", begin + _USAGE_PERIOD
     waits: set[asyncio.Future[Any]] = {failing, collecting}
     try:
         while (now := loop.time()) < end:
-            await asyncio.wait(waits, timeout=min(0.25, end - now), return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait(waits, timeout=min(_VIEW_PERIOD, end - now), return_when=asyncio.FIRST_COMPLETED)
             if collecting.done():
                 await collecting  # its error
             if failing.done():
                 ended = "failed"
-                screen.tell(f"given up: {failing.result()}")
+                screen.notify(f"failed: {failing.result()}")
                 break
             if loop.time() >= next_usage:
-                next_usage += 1.0
+                next_usage += _USAGE_PERIOD
                 usage.note(processes())
             screen.show(view_of(collector, scenario, restarts()))
     except asyncio.CancelledError:
         ended = "interrupted"
-        screen.tell("interrupted: the processes are ended, and the score sheet is that of the time until now")
+        screen.notify("interrupted: ending all processes; the score sheet covers the time until now")
     finally:
         failing.cancel()
     elapsed = min(loop.time() - begin, scenario.duration)
     usage.note(processes())
     seen = collector.observed(
-        duration=elapsed, seed=order.seed, ended=ended, restarts=restarts(), processes=usage.report(elapsed)
+        duration=elapsed, seed=settings.seed, ended=ended, restarts=restarts(), processes=usage.report(elapsed)
     )
-    return score_sheet(seen, scenario.checks)
-
-
-def summary(sheet: dict[str, Any]) -> str:
-    """A score sheet for people to read.
-
-    Args:
-        sheet: as :func:`~muro_zenoh.scoring.sheet.score_sheet` makes it.
-    """
-
-    def value(number: float | None, unit: str = "") -> str:
-        return "-" if number is None else f"{number:g}{unit}"
-
-    def spread(key: str, unit: str) -> str:
-        return "  ".join(f"{name} {value(number, unit)}" for name, number in sheet[key].items())
-
-    rates = [rate for rate in sheet["fix_rate_hz"].values() if rate is not None]
-    errors = [c["error"] for c in sheet["calibration"].values() if c["error"] is not None]
-    cpu = [p["cpu_percent"] for p in sheet["processes"].values() if p["cpu_percent"] is not None]
-    told: list[str] = []
-    if sheet["radius_error_m"]["p50"] is not None:
-        told += [
-            f"  settled at          {value(sheet['settle_time_s'], ' s')}",
-            f"  from the circle     {spread('radius_error_m', ' m')}",
-        ]
-    if sheet["spacing_error_rad"]["p50"] is not None:
-        told.append(f"  spacing error       {spread('spacing_error_rad', ' rad')}")
-    if sheet["density_error"] is not None:
-        told.append(f"  density error       {sheet['density_error']:g}")
-    if sheet["goals_asked"]:
-        told.append(
-            f"  goals               {sheet['goals_reached']} of {sheet['goals_asked']} reached, at most "
-            f"{value(sheet['goal_distance_m'], ' m')} and {value(sheet['goal_heading_rad'], ' rad')} off"
-        )
-    if sheet["tracking_error_m"]["p50"] is not None:
-        told.append(f"  from the path       {spread('tracking_error_m', ' m')}")
-    if sheet["coverage"]["cost"] is not None:
-        cover = sheet["coverage"]
-        told.append(
-            f"  from the centroid   {value(cover['distance_m'], ' m')} at most, after {cover['rounds']} rounds; "
-            f"the cost could fall by {value(cover['gain'])}, and rose by {value(cover['rise'])} at most"
-        )
-    lines = [
-        f"{sheet['scenario']}: {sheet['robots']} robots, {sheet['duration_s']:g} s, seed {value(sheet['seed'])}",
-        *told,
-        f"  least separation    {value(sheet['min_separation_m'], ' m')}, {value(sheet['collisions'])} collisions",
-        f"  pose age            {spread('pose_age_ms', ' ms')}",
-        f"  pose to command     {spread('pose_to_command_ms', ' ms')}",
-        f"  fixes               {value(min(rates, default=None), ' Hz')} at least",
-        f"  calibration         {value(max(errors, default=None))} off at most",
-        f"  restarts            {sheet['restarts']}",
-        f"  processor           {value(round(sum(cpu), 1) if cpu else None, ' %')} of one core, all processes",
-    ]
-    for name, check in sheet["checks"].items():
-        met = "met" if check["passed"] else "NOT MET"
-        lines.append(f"  check {name}: {value(check['value'])} (limit {value(check['limit'])}) {met}")
-    lines.append(
-        "passed" if sheet["passed"] else "NOT PASSED" + (f" ({sheet['ended']})" * (sheet["ended"] != "duration"))
-    )
-    return "\n".join(lines)
+    return score_run(seen, scenario.checks)

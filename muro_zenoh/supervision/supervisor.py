@@ -1,8 +1,8 @@
-"""Child processes, kept alive: started, watched, started again, and ended with their parent.
+"""Child processes, kept alive: started, watched, restarted, and ended with their parent.
 
-A child prints ``READY ...`` on its standard output when it is up, logs to its standard error, leaves on SIGTERM, and
-leaves when its lifeline (:data:`~muro_zenoh.runtime.process.LIFELINE`) ends. Only the parent holds the lifeline's
-writing end, so it ends however the parent does.
+A child prints ``READY ...`` on its standard output when it is up, logs to its standard error, exits on SIGTERM, and
+exits when its lifeline (:data:`~muro_zenoh.runtime.process.LIFELINE`) closes. Only the parent holds the lifeline's
+writing end, so it closes however the parent ends.
 """
 
 from __future__ import annotations
@@ -19,28 +19,26 @@ from typing import Any
 
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.runtime.process import WRONG_USE
-from muro_zenoh.supervision.child import Child, ChildSpec, how_it_ended
-
-__all__ = ["Child", "ChildSpec", "Patience", "Supervisor"]
+from muro_zenoh.supervision.child import Child, ChildSpec, exit_description
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
-    """When to start a child again, and when to stop trying.
+class RestartPolicy:
+    """When to restart a child, and when to give up.
 
     Attributes:
-        first: wait before the first restart; it doubles with each death within ``window`` [s].
-        most: so many restarts within ``window``; at the next death the child is given up.
-        window: deaths are forgotten after so long [s].
-        ready: a child must be ready within this [s].
-        leave: a child must leave within this after SIGTERM, else it is killed [s].
+        first_delay: before the first restart; it doubles with each death within ``window`` [s].
+        max_restarts: at most this many within ``window``; at the next death the child is given up.
+        window: deaths longer ago than this are forgotten [s].
+        start_timeout: a child must be ready within this time [s].
+        stop_timeout: a child must exit within this time after SIGTERM, else it is killed [s].
     """
 
-    first: float = 0.5
-    most: int = 5
+    first_delay: float = 0.5
+    max_restarts: int = 5
     window: float = 60.0
-    ready: float = 15.0
-    leave: float = 2.0
+    start_timeout: float = 15.0
+    stop_timeout: float = 2.0
 
 
 class Supervisor:
@@ -48,14 +46,14 @@ class Supervisor:
 
     Args:
         logs: the folder for a log per child.
-        tell: called with a line for the operator whenever a child dies or is started again.
-        patience: when to restart and when to give up.
+        notify: called with a line for the operator whenever a child dies or is restarted.
+        policy: when to restart and when to give up.
     """
 
-    def __init__(self, logs: Path, tell: Callable[[str], None], patience: Patience | None = None) -> None:
+    def __init__(self, logs: Path, notify: Callable[[str], None], policy: RestartPolicy | None = None) -> None:
         self._logs = logs
-        self._tell = tell
-        self._patience = patience or Patience()
+        self._notify = notify
+        self._policy = policy or RestartPolicy()
         self._groups: list[list[tuple[Child, asyncio.Task[None]]]] = []
         self._failed: asyncio.Future[SupervisionError] = asyncio.get_running_loop().create_future()
         # Neither end is inherited unless it is passed on; the writing end never is.
@@ -67,7 +65,7 @@ class Supervisor:
         return [child for group in self._groups for child, _ in group]
 
     async def start(self, specs: Sequence[ChildSpec]) -> list[Child]:
-        """Start children side by side and wait until each is ready. Those that are started first are ended last.
+        """Start children side by side and wait until each is ready. The first that were started are ended last.
 
         Args:
             specs: what to start.
@@ -93,7 +91,7 @@ class Supervisor:
             self._groups.remove(group)
             await self._end(group)
             if failed.done() and failed is self._failed:
-                self._failed = asyncio.get_running_loop().create_future()  # a next attempt is a new one
+                self._failed = asyncio.get_running_loop().create_future()  # the next attempt starts afresh
             raise
         finally:
             all_ready.cancel()
@@ -102,7 +100,7 @@ class Supervisor:
         return [child for child, _ in group]
 
     async def failure(self) -> SupervisionError:
-        """Wait until a child is given up; why."""
+        """Wait until a child is given up; the reason."""
         return await asyncio.shield(self._failed)
 
     async def close(self) -> None:
@@ -129,39 +127,39 @@ class Supervisor:
     # ---- one child
 
     async def _keep(self, child: Child) -> None:
-        patience = self._patience
+        policy = self._policy
         deaths: list[float] = []
         while True:
-            late = asyncio.get_running_loop().call_later(patience.ready, self._on_late, child, child.restarts)
+            late = asyncio.get_running_loop().call_later(policy.start_timeout, self._on_late, child, child.restarts)
             try:
-                code, last_lines = await child.live()
+                code, last_lines = await child.run()
             finally:
                 late.cancel()
-            if child.leaving:
+            if child.stopping:
                 return
             now = time.monotonic()
-            deaths = [t for t in deaths if now - t < patience.window] + [now]
+            deaths = [t for t in deaths if now - t < policy.window] + [now]
             name = child.spec.name
-            self._tell(
-                "\n".join([f"{name} {how_it_ended(code)}. Its last lines:", *(f"  {line}" for line in last_lines)])
+            self._notify(
+                "\n".join([f"{name} {exit_description(code)}. Its last lines:", *(f"  {line}" for line in last_lines)])
             )
             if not child.was_ready:
-                raise SupervisionError(f"{name} {how_it_ended(code)} before it was ready; see {child.log}")
+                raise SupervisionError(f"{name} {exit_description(code)} before it was ready; see {child.log}")
             if code == WRONG_USE:
                 raise SupervisionError(f"{name} refused its settings; see {child.log}")
-            if len(deaths) > patience.most:
+            if len(deaths) > policy.max_restarts:
                 raise SupervisionError(
-                    f"{name} died {len(deaths)} times within {patience.window:g} s, "
-                    f"expected at most {patience.most}: given up; see {child.log}"
+                    f"{name} died {len(deaths)} times within {policy.window:g} s, "
+                    f"expected at most {policy.max_restarts}: given up; see {child.log}"
                 )
-            wait = patience.first * 2.0 ** (len(deaths) - 1)
-            self._tell(f"{name} starts again in {wait:g} s")
-            await asyncio.sleep(wait)
+            delay = policy.first_delay * 2.0 ** (len(deaths) - 1)
+            self._notify(f"{name} restarts in {delay:g} s")
+            await asyncio.sleep(delay)
             child.restarts += 1
 
-    def _on_late(self, child: Child, life: int) -> None:
-        if child.restarts == life and not child.ready.is_set():
-            self._tell(f"{child.spec.name} was not ready within {self._patience.ready:g} s: killed")
+    def _on_late(self, child: Child, run: int) -> None:
+        if child.restarts == run and not child.ready.is_set():
+            self._notify(f"{child.spec.name} was not ready within {self._policy.start_timeout:g} s: killed")
             child.kill()
 
     def _on_kept(self, task: asyncio.Task[None]) -> None:
@@ -177,16 +175,16 @@ class Supervisor:
         tasks = set()
         for child, task in group:
             tasks.add(task)
-            child.leaving = True
+            child.stopping = True
             if child.pid is None:
-                task.cancel()  # between two lives
+                task.cancel()  # between two runs
             else:
                 child.terminate()
                 task.add_done_callback(_retrieve)
-        _, pending = await asyncio.wait(tasks, timeout=self._patience.leave)
+        _, pending = await asyncio.wait(tasks, timeout=self._policy.stop_timeout)
         for child, task in group:
             if task in pending:
-                self._tell(f"{child.spec.name} did not leave within {self._patience.leave:g} s: killed")
+                self._notify(f"{child.spec.name} did not exit within {self._policy.stop_timeout:g} s: killed")
                 child.kill()
         if pending:
             await asyncio.wait(pending, timeout=1.0)
@@ -196,4 +194,4 @@ class Supervisor:
 
 def _retrieve(task: asyncio.Task[None]) -> None:
     if not task.cancelled():
-        task.exception()  # told already
+        task.exception()  # reported already

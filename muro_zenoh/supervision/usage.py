@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from muro_zenoh.scoring.sheet import ProcessUse
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -40,7 +42,7 @@ def read_usage(pid: int) -> Reading | None:
 
 @dataclass(slots=True)
 class Usage:
-    """One process's use of the machine through all its lives.
+    """One process's use of the machine over all its restarts.
 
     Attributes:
         cpu: processor time since the first :meth:`note` [s].
@@ -49,22 +51,22 @@ class Usage:
 
     cpu: float = 0.0
     rss: float = 0.0
-    _lives: dict[int, float] = field(default_factory=dict)
+    _runs: dict[int, float] = field(default_factory=dict)
 
     def note(self, pid: int, *, first: bool = False) -> None:
         """Read again.
 
         Args:
-            pid: of the present life.
+            pid: of the current run.
             first: what it has used until now does not count.
         """
         reading = read_usage(pid)
         if reading is None:
             return
-        before = self._lives.get(pid, reading.cpu if first else 0.0)
+        before = self._runs.get(pid, reading.cpu if first else 0.0)
         self.cpu += reading.cpu - before
         self.rss = max(self.rss, reading.rss)
-        self._lives[pid] = reading.cpu
+        self._runs[pid] = reading.cpu
 
 
 class UsageTable:
@@ -77,7 +79,7 @@ class UsageTable:
         """Count from now on.
 
         Args:
-            processes: name and present pid of each.
+            processes: name and current pid of each.
         """
         self._of = {}
         for name, pid in processes:
@@ -86,26 +88,21 @@ class UsageTable:
                 usage.note(pid, first=True)
 
     def note(self, processes: Iterable[tuple[str, int | None]]) -> None:
-        """Read again; do so every second or so, since a process that dies takes its numbers along.
+        """Read again; do so every second or so, since the numbers of a process that dies are lost.
 
         Args:
-            processes: name and present pid of each.
+            processes: name and current pid of each.
         """
         for name, pid in processes:
             if pid is not None:
                 self._of.setdefault(name, Usage()).note(pid)
 
-    def report(self, elapsed: float) -> dict[str, dict[str, float | None]]:
-        """``cpu_percent`` (of one core) and ``rss_mb`` by name.
+    def report(self, elapsed: float) -> dict[str, ProcessUse]:
+        """The use of the machine by process; nothing is known where there is no ``/proc``.
 
         Args:
             elapsed: since :meth:`begin` [s].
         """
-        known = Path("/proc/self/stat").exists()
-        return {
-            name: {
-                "cpu_percent": round(100.0 * u.cpu / elapsed, 2) if known and elapsed > 0.0 else None,
-                "rss_mb": round(u.rss, 1) if known else None,
-            }
-            for name, u in self._of.items()
-        }
+        if not Path("/proc/self/stat").exists() or elapsed <= 0.0:
+            return {name: ProcessUse(None, None) for name in self._of}
+        return {name: ProcessUse(100.0 * usage.cpu / elapsed, usage.rss) for name, usage in self._of.items()}

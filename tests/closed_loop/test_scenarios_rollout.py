@@ -11,16 +11,17 @@ import pytest
 
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind
-from muro_zenoh.config import Scenario, make_behaviour, read_parameters
+from muro_zenoh.config import Scenario, find_scenario, make_behaviour, read_parameters
 from muro_zenoh.control.circle import CircleLaw
 from muro_zenoh.planning.density import Peaks
-from muro_zenoh.scoring.deployment import Deployed, Deployment, density_error, score_deployment
-from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking
+from muro_zenoh.scoring.density import density_error
+from muro_zenoh.scoring.deployment import Deployed, Deployment, score_deployment
+from muro_zenoh.scoring.goals import score_goals, score_tracking
+from muro_zenoh.scoring.observed import Body, Moment, Planned
 from muro_zenoh.simulation.rollout.behave import BehaviourRun, run_behaviours
 from muro_zenoh.simulation.rollout.runs import pursue_ring, settling_time
 from muro_zenoh.simulation.rollout.settings import NOISY
 from muro_zenoh.simulation.starts import random_starts
-from muro_zenoh.supervision.launch import find_scenario
 
 LOOP = replace(NOISY, omega_max=1.5)  # as the robots of the scenarios have it
 EVERY = 4  # of the plant's moves: ten a second, as a run is sampled
@@ -67,9 +68,9 @@ def test_dubins() -> None:
     for k, name in enumerate(scenario.robots):
         track = bodies(done, k)
         for row in score_goals(scenario.goals[name], track):
-            assert row["reached_s"] is not None
-            assert row["distance_m"] <= 0.05
-            assert row["theta"] is None or row["heading_rad"] <= 0.1745
+            assert row.reached_s is not None
+            assert row.distance_m <= 0.05
+            assert row.theta is None or row.heading_rad <= 0.1745
         tracked = score_tracking([Planned(t, path) for t, path in done.paths[k]], track)
         errors += tracked.errors
         assert tracked.peak is not None
@@ -82,8 +83,8 @@ def test_point_forward_steering() -> None:
     done = run(scenario, 1, scenario.duration)
     for k, name in enumerate(scenario.robots):
         for row in score_goals(scenario.goals[name], bodies(done, k)):
-            assert row["reached_s"] is not None
-            assert row["distance_m"] <= 0.05
+            assert row.reached_s is not None
+            assert row.distance_m <= 0.05
 
 
 def deployed(seed: int, peaks: tuple[tuple[float, float, float, float], ...], seconds: float) -> Deployed:

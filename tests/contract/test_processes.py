@@ -22,7 +22,7 @@ from muro_zenoh.messages import Odometry
 from muro_zenoh.transport import Bus, open_bus
 from tests.contract.conftest import Zenoh
 from tests.support.process import CHILDREN, Process
-from tests.support.router import Router, free_port, router
+from tests.support.router import Router, free_port, router, router_command
 from tests.support.waiting import seconds, within
 
 STALE = channels.ODOMETRY.stale_after or 0.0
@@ -98,7 +98,7 @@ async def test_a_writer_finds_readers_again_after_the_router_came_back() -> None
             await _flows(writer, out.put, box.next)
             assert kept.get() is None
             running.process.kill()
-            successor = Process([str(CHILDREN / "router.py"), running.endpoint], name="second router")
+            successor = Process(router_command(running.endpoint), name="second router")
             with successor:
                 successor.ready()
                 while box.get() is not None:

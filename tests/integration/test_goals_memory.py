@@ -7,13 +7,12 @@ import math
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from muro_zenoh.planning.bounds import Bounds
-
 from muro_zenoh import channels
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.messages import Ack, Goal, PlannedPath
 from muro_zenoh.runtime.virtual_time import run_virtually
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
-from muro_zenoh.scoring.goals import Body
+from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Every, Publisher
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 

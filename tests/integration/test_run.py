@@ -14,12 +14,13 @@ from pathlib import Path
 import psutil
 import pytest
 
+from muro_zenoh.config import find_scenario
 from muro_zenoh.supervision import launch
 from muro_zenoh.supervision.supervisor import Supervisor
 from tests.support.process import Process
 from tests.support.waiting import seconds, within
 
-CLI = ["-m", "muro_zenoh.cli.main"]
+CLI = ["-m", "muro_zenoh"]
 
 
 @pytest.fixture(autouse=True)
@@ -92,14 +93,14 @@ def test_checks_that_are_not_met_are_exit_code_1() -> None:
     assert sheet["passed"] is False
 
 
-def test_a_taken_port_makes_a_fleet_of_its_own() -> None:
+def test_a_taken_port_means_a_router_on_another_one() -> None:
     with socket.socket() as taken:
         taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             taken.bind(("127.0.0.1", 7447))
             taken.listen(1)
         except OSError:
-            pass  # somebody else's fleet has it: as good
+            pass  # another fleet has it: as good
         with run("hold", "--robots", "1", "--duration", "1") as process:
             said = process.line("port 7447 is taken")
             assert process.wait(20) == 0
@@ -107,10 +108,10 @@ def test_a_taken_port_makes_a_fleet_of_its_own() -> None:
     assert endpoint() != "tcp/127.0.0.1:7447"
 
 
-async def test_a_port_that_is_taken_between_the_look_and_the_start_is_left_to_its_taker(
+async def test_another_port_is_chosen_when_one_is_taken_between_check_and_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     looked: list[int] = []
     free_port = launch.free_port
     with socket.socket() as taken:
@@ -123,14 +124,14 @@ async def test_a_port_that_is_taken_between_the_look_and_the_start_is_left_to_it
             return port if len(looked) == 1 else free_port(port)
 
         monkeypatch.setattr(launch, "free_port", too_early)
-        async with Supervisor(tmp_path, told.append) as supervisor:
-            scenario = launch.find_scenario("hold", 1, {})
+        async with Supervisor(tmp_path, messages.append) as supervisor:
+            scenario = find_scenario("hold", 1)
             connected, starting = await within(20, launch.start_all(supervisor, scenario, 1, tmp_path), "a router")
             await within(20, starting, "a fleet")
             assert [child.spec.name for child in supervisor.children] == ["router", "simulator", "basestation", "r1"]
             assert all(child.ready.is_set() for child in supervisor.children)
     assert connected.bus.connect != (f"tcp/127.0.0.1:{port}",)
-    assert "router left with exit code 1. Its last lines:" in told[0]
+    assert "router exited with code 1. Its last lines:" in messages[0]
 
 
 def test_ctrl_c_ends_everything_with_the_score_so_far() -> None:
@@ -172,13 +173,13 @@ def test_kill_9_leaves_nothing_behind() -> None:
 
 
 @pytest.mark.slow
-def test_an_agent_that_is_killed_is_shown_and_started_again() -> None:
+def test_a_killed_agent_is_reported_and_restarted() -> None:
     with run("hold", "--robots", "2", "--duration", "7", "--report", "r.json") as process:
         process.line("all processes ready")
         time.sleep(1.5)
-        named(children(process), "agents.agent runs/" + folder().name + "/scenario.json r2").kill()
-        process.line("r2 was ended by SIGKILL. Its last lines:")
-        process.line("r2 starts again in 0.5 s")
+        named(children(process), "muro_zenoh agent runs/" + folder().name + "/scenario.json r2").kill()
+        process.line("r2 was killed by SIGKILL. Its last lines:")
+        process.line("r2 restarts in 0.5 s")
         assert process.wait(20) == 0
     sheet = json.loads(Path("r.json").read_text())
     assert sheet["restarts"] == 1
@@ -233,20 +234,20 @@ def test_stop_reaches_the_robots_without_the_base_station_and_resume_does_not() 
     with run("hold", "--robots", "2", "--duration", "60") as process:
         process.line("all processes ready")
         there = ["--connect", endpoint()]
-        station = named(children(process), "basestation.station")
+        station = named(children(process), "muro_zenoh basestation")
         station.suspend()  # frozen, it is not started again
         order = muro("stop", *there)
         assert order.returncode == 0, order.stdout
         assert "base station: did not answer" in order.stdout
         assert "r1: has stopped\nr2: has stopped" in order.stdout
-        time.sleep(seconds(2.5))  # its lease is over
+        time.sleep(seconds(2.5))  # its lease has expired
         order = muro("resume", *there)
         assert order.returncode == 1
         assert "the base station is silent" in order.stderr
 
 
 @pytest.mark.slow
-def test_nobody_at_the_endpoint_is_said() -> None:
+def test_an_endpoint_without_a_router_is_named() -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Children that die, hang and refuse to leave; parents that are killed. All of them real processes."""
+"""Children that die, hang and refuse to exit; parents that are killed. All of them real processes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ import psutil
 import pytest
 
 from muro_zenoh.errors import SupervisionError
-from muro_zenoh.supervision.supervisor import ChildSpec, Patience, Supervisor
+from muro_zenoh.supervision.child import ChildSpec
+from muro_zenoh.supervision.supervisor import RestartPolicy, Supervisor
 from tests.support.process import Process
 from tests.support.waiting import seconds, within
 
@@ -70,7 +71,7 @@ async def test_a_log_has_what_a_child_printed_and_logged(tmp_path: Path) -> None
     assert "dummy stay starts" in log
 
 
-async def test_the_first_that_was_started_is_ended_last(tmp_path: Path) -> None:
+async def test_the_first_child_started_is_ended_last(tmp_path: Path) -> None:
     async with Supervisor(tmp_path, print) as supervisor:
         await within(10, supervisor.start([dummy("stay", name="router")]), "the first ready")
         await within(10, supervisor.start([dummy("stay", name="agent")]), "the second ready")
@@ -83,44 +84,46 @@ async def test_the_first_that_was_started_is_ended_last(tmp_path: Path) -> None:
     assert left[0] < left[1]
 
 
-async def test_a_child_that_dies_is_started_again_with_a_wait_that_doubles(tmp_path: Path) -> None:
-    told: list[str] = []
-    patience = Patience(first=0.1, most=3)
-    async with Supervisor(tmp_path, told.append, patience) as supervisor:
+async def test_a_child_that_dies_is_restarted_after_a_delay_that_doubles(tmp_path: Path) -> None:
+    messages: list[str] = []
+    policy = RestartPolicy(first_delay=0.1, max_restarts=3)
+    async with Supervisor(tmp_path, messages.append, policy) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("crash", "0.2")]), "ready")
         error = await within(20, supervisor.failure(), "given up")
     assert "dummy died 4 times within 60 s, expected at most 3: given up" in str(error)
     assert child.restarts == 3
-    waits = [float(found.group(1)) for line in told if (found := re.fullmatch(r"dummy starts again in (.*) s", line))]
-    assert waits == [0.1, 0.2, 0.4]
+    delays = [float(found.group(1)) for line in messages if (found := re.fullmatch(r"dummy restarts in (.*) s", line))]
+    assert delays == [0.1, 0.2, 0.4]
     assert len(re.findall("^--- ", (tmp_path / "dummy.log").read_text(), re.MULTILINE)) == 4
-    died = [line for line in told if line.startswith("dummy left with exit code 1. Its last lines:")]
+    died = [line for line in messages if line.startswith("dummy exited with code 1. Its last lines:")]
     assert len(died) == 4
     assert all("the wheels came off" in line for line in died)
 
 
 async def test_deaths_are_forgotten_after_a_while(tmp_path: Path) -> None:
-    told: list[str] = []
-    # Each life lasts longer than the window: there is never more than one death in it.
-    async with Supervisor(tmp_path, told.append, Patience(first=0.02, most=1, window=0.1)) as supervisor:
+    messages: list[str] = []
+    # Each run lasts longer than the window: there is never more than one death in it.
+    async with Supervisor(
+        tmp_path, messages.append, RestartPolicy(first_delay=0.02, max_restarts=1, window=0.1)
+    ) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("crash", "0.2")]), "ready")
         await eventually(lambda: child.restarts >= 3, 20, "a third restart")
-    assert all("in 0.02 s" in line for line in told if "starts again" in line)
+    assert all("in 0.02 s" in line for line in messages if "restarts in" in line)
 
 
-async def test_a_killed_child_is_started_again(tmp_path: Path) -> None:
-    told: list[str] = []
-    async with Supervisor(tmp_path, told.append, Patience(first=0.05)) as supervisor:
+async def test_a_killed_child_is_restarted(tmp_path: Path) -> None:
+    messages: list[str] = []
+    async with Supervisor(tmp_path, messages.append, RestartPolicy(first_delay=0.05)) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("stay")]), "ready")
         first = child.pid
         assert first is not None
         os.kill(first, signal.SIGKILL)
-        await eventually(lambda: child.pid not in (first, None) and child.ready.is_set(), 10, "a second life")
+        await eventually(lambda: child.pid not in (first, None) and child.ready.is_set(), 10, "a second run")
         assert child.restarts == 1
-    assert told[0].startswith("dummy was ended by SIGKILL")
+    assert messages[0].startswith("dummy was killed by SIGKILL")
 
 
-async def test_wrong_settings_are_not_tried_again(tmp_path: Path) -> None:
+async def test_wrong_settings_are_not_retried(tmp_path: Path) -> None:
     async with Supervisor(tmp_path, print) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("code", "2")]), "ready")
         error = await within(10, supervisor.failure(), "given up")
@@ -129,45 +132,43 @@ async def test_wrong_settings_are_not_tried_again(tmp_path: Path) -> None:
 
 
 async def test_a_start_fails_at_once_when_a_child_dies_before_it_is_ready(tmp_path: Path) -> None:
-    told: list[str] = []
-    async with Supervisor(tmp_path, told.append) as supervisor:
-        with pytest.raises(
-            SupervisionError, match=r"early left with exit code 1 before it was ready; see .*early\.log"
-        ):
+    messages: list[str] = []
+    async with Supervisor(tmp_path, messages.append) as supervisor:
+        with pytest.raises(SupervisionError, match=r"early exited with code 1 before it was ready; see .*early\.log"):
             await within(10, supervisor.start([dummy("stay"), dummy("early", name="early")]), "an error")
         assert supervisor.children == []
-        # ... and a next attempt is a new one.
+        # ... and the next attempt starts afresh.
         await within(10, supervisor.start([dummy("stay")]), "ready")
-    assert "no such room" in "".join(told)
+    assert "no such room" in "".join(messages)
 
 
 async def test_a_child_that_is_never_ready_is_killed(tmp_path: Path) -> None:
-    async with Supervisor(tmp_path, print, Patience(ready=0.5)) as supervisor:
+    async with Supervisor(tmp_path, print, RestartPolicy(start_timeout=0.5)) as supervisor:
         with pytest.raises(SupervisionError, match="SIGKILL before it was ready"):
             await within(10, supervisor.start([dummy("slow")]), "an error")
 
 
-async def test_a_program_that_is_not_there_is_named(tmp_path: Path) -> None:
-    told: list[str] = []
-    async with Supervisor(tmp_path, told.append) as supervisor:
+async def test_a_missing_program_is_named(tmp_path: Path) -> None:
+    messages: list[str] = []
+    async with Supervisor(tmp_path, messages.append) as supervisor:
         with pytest.raises(SupervisionError):
             await within(10, supervisor.start([ChildSpec("a", ("./no-such-program",), {})]), "an error")
-    assert "could not start ./no-such-program: No such file or directory" in "".join(told)
+    assert "could not start ./no-such-program: No such file or directory" in "".join(messages)
 
 
-async def test_a_deaf_child_is_killed(tmp_path: Path) -> None:
-    told: list[str] = []
-    async with Supervisor(tmp_path, told.append, Patience(leave=0.3)) as supervisor:
+async def test_a_child_that_ignores_sigterm_is_killed(tmp_path: Path) -> None:
+    messages: list[str] = []
+    async with Supervisor(tmp_path, messages.append, RestartPolicy(stop_timeout=0.3)) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("deaf")]), "ready")
         pid = child.pid
         begin = time.monotonic()
     assert time.monotonic() - begin < seconds(1.5)
     assert pid is not None
     assert gone(pid)
-    assert told == ["dummy did not leave within 0.3 s: killed"]
+    assert messages == ["dummy did not exit within 0.3 s: killed"]
 
 
-async def test_what_a_child_started_goes_with_it(tmp_path: Path) -> None:
+async def test_what_a_child_started_is_killed_with_it(tmp_path: Path) -> None:
     async with Supervisor(tmp_path, print) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("parent")]), "ready")
         assert child.pid is not None
@@ -194,7 +195,7 @@ async def test_cancelling_the_block_ends_the_children(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL, signal.SIGHUP])
-def test_a_parent_that_goes_leaves_nothing_behind(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_parent_that_ends_leaves_nothing_behind(tmp_path: Path, number: signal.Signals) -> None:
     whats = ["stay", "stay", "stay"]
     with Process([str(CHILDREN / "supervising.py"), str(tmp_path), *whats], name="supervising") as parent:
         pids = [int(word) for word in parent.line("PIDS").split()[1:]]
@@ -205,7 +206,7 @@ def test_a_parent_that_goes_leaves_nothing_behind(tmp_path: Path, number: signal
         assert all_gone(pids, 5)
 
 
-def test_sigterm_ends_a_deaf_child_too_within_five_seconds(tmp_path: Path) -> None:
+def test_a_child_that_ignores_sigterm_is_gone_within_five_seconds_too(tmp_path: Path) -> None:
     with Process([str(CHILDREN / "supervising.py"), str(tmp_path), "deaf", "stay"], name="supervising") as parent:
         pids = [int(word) for word in parent.line("PIDS").split()[1:]]
         parent.ready()

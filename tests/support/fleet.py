@@ -23,8 +23,8 @@ from muro_zenoh.control import ring
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Message, Reply, Truth, VelocityCommand
 from muro_zenoh.transport import Bus, Received, open_bus
-from tests.support.process import CHILDREN, Process
-from tests.support.router import free_port
+from tests.support.process import Process
+from tests.support.router import free_port, router_command
 from tests.support.waiting import seconds
 
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -59,12 +59,12 @@ class RealFleet:
     def start(self, *names: str) -> None:
         """Start processes side by side, and wait until all are ready."""
         commands = {
-            "router": [str(CHILDREN / "router.py"), self.endpoint],
-            "simulator": ["-m", "muro_zenoh.cli.main", "sim", str(self._file), "--seed", str(self._seed)],
-            "basestation": ["-m", "basestation.station", str(self._file), "--state", str(self._state)],
+            "router": router_command(self.endpoint),
+            "simulator": ["-m", "muro_zenoh", "sim", str(self._file), "--seed", str(self._seed)],
+            "basestation": ["-m", "muro_zenoh", "basestation", str(self._file), "--state", str(self._state)],
         }
         for name in names:
-            command = commands.get(name) or ["-m", "agents.agent", str(self._file), name]
+            command = commands.get(name) or ["-m", "muro_zenoh", "agent", str(self._file), name]
             self.process[name] = Process(command, name=name, env=self._env)
         for name in names:
             self.process[name].ready(30.0)
@@ -94,7 +94,7 @@ class RealFleet:
     def muro(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """A command of the operator."""
         return subprocess.run(
-            [sys.executable, "-P", "-m", "muro_zenoh.cli.main", *arguments, "--connect", self.endpoint],
+            [sys.executable, "-P", "-m", "muro_zenoh", *arguments, "--connect", self.endpoint],
             capture_output=True,
             text=True,
             timeout=seconds(30),

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from muro_zenoh.config import BusSettings
-from tests.support.process import CHILDREN, Process
+from tests.support.process import Process
 
 _ATTEMPTS = 5
 
@@ -35,18 +35,27 @@ def router() -> Iterator[Router]:
     """A router on a free port of this machine, gone at the end of the block."""
     for attempt in range(_ATTEMPTS):
         endpoint = f"tcp/127.0.0.1:{free_port()}"
-        process = Process([str(CHILDREN / "router.py"), endpoint], name="router")
+        process = Process(router_command(endpoint), name="router")
         try:
             process.ready()
         except AssertionError:
             process.stop()
-            # Somebody took the port between our look and the router's: take another.
+            # Another process took the port between our check and the router's start: try another.
             if attempt + 1 == _ATTEMPTS:
                 raise
             continue
         with process:
             yield Router(process, endpoint)
         return
+
+
+def router_command(endpoint: str) -> list[str]:
+    """Python's arguments for a router.
+
+    Args:
+        endpoint: where it listens.
+    """
+    return ["-m", "muro_zenoh", "router", "--listen", endpoint]
 
 
 def free_port() -> int:

@@ -14,18 +14,23 @@ import msgpack  # type: ignore[import-untyped]  # it publishes no types
 import pytest
 from click.testing import CliRunner
 
+import muro_zenoh
 from muro_zenoh.cli.main import main
-from muro_zenoh.cli.options import assignments, lay_over, toml_value
+from muro_zenoh.cli.options import assignments, override_bus, toml_value
 from muro_zenoh.cli.payloads import full_key, shown, type_of
-from muro_zenoh.config import BusSettings, load_scenario
+from muro_zenoh.config import BusSettings, built_in_scenarios, find_scenario, load_scenario
 from muro_zenoh.errors import ConfigError
-from muro_zenoh.supervision.launch import built_in_scenarios, find_scenario, free_port, make_run_folder, write_scenario
+from muro_zenoh.supervision.folder import make_run_folder, write_scenario
+from muro_zenoh.supervision.launch import fleet_specs, free_port, router_spec
 
 
 def commands(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     yield path
     if isinstance(command, click.Group):
-        for name, child in command.commands.items():
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            child = command.get_command(context, name)
+            assert child is not None
             yield from commands(child, (*path, name))
 
 
@@ -74,6 +79,25 @@ def test_help_and_version_import_neither_zenoh_nor_numpy_nor_rich() -> None:
     assert done.stderr.strip() == "[]"
 
 
+@pytest.mark.parametrize("command", ["agent", "base", "basestation", "sim", "router"])
+def test_a_process_imports_no_other_command_and_nothing_that_only_people_need(command: str) -> None:
+    unwanted = {
+        "rich",
+        "muro_zenoh.cli.run",
+        "muro_zenoh.cli.topic",
+        "muro_zenoh.scoring",
+        "muro_zenoh.supervision.run",
+    }
+    arguments = [command, "pursuit", *(["r1"] if command in ("agent", "base") else [])]
+    code = (
+        "import sys, muro_zenoh.runtime.process as process\n"
+        f"process.run_process = lambda *_: print(sorted({unwanted!r} & set(sys.modules))) or 0\n"
+        f"from muro_zenoh.cli.main import main; main({arguments!r}, prog_name='muro')"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.returncode) == ("[]\n", 0), done.stderr
+
+
 # ---- wrong use
 
 
@@ -119,14 +143,17 @@ def test_a_wrong_setting(given: str, said: str) -> None:
         (["run", "pursuit", "--robots", "0"], "0 is not in the range x>=1"),
         (["run", "pursuit", "--robots", "40"], "At most 14 robots fit"),
         (["run", "pursuit", "--duration", "0"], "not in the range x>0"),
-        (["run", "pursuit", "--report", "nowhere/r.json"], "--report: got nowhere/r.json, whose folder is not there"),
+        (
+            ["run", "pursuit", "--report", "nowhere/r.json"],
+            "--report: got nowhere/r.json, whose folder cannot be written to",
+        ),
         (["run", "pursuit", "--connect", "lab:7447"], "--connect: got 'lab:7447', expected an endpoint"),
         (["agent", "pursuit", "r1", "--listen", "7447"], "--listen: got '7447', expected an endpoint"),
         (["agent", "pursuit", "r1", "--realm", "My lab"], "--realm: got 'My lab'"),
         (["agent", "pursuit", "r1", "--mode", "server"], "'server' is not one of"),
         (["agent", "nowhere.toml", "r1"], "got 'nowhere.toml', which is no file"),
         (["stop", "R2!"], "robot: got 'R2!'"),
-        (["set", "circle"], "say what to change"),
+        (["set", "circle"], "nothing to change"),
         (["set", "circle", "--radius", "0"], "not in the range x>0"),
         (["set", "behaviour", "circle", "speed"], "parameter: got 'speed', expected KEY=VALUE"),
         (["set", "behaviour", "circle", "speed={a=1}"], "expected numbers, text, true or false"),
@@ -143,8 +170,8 @@ def test_a_foreign_package_under_the_name_of_ours_is_named(tmp_path: Path) -> No
     foreign.mkdir(parents=True)
     (foreign / "__init__.py").write_text("")
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "muro_zenoh.cli.main", "run", "pursuit"],
-        env={**os.environ, "PYTHONPATH": str(foreign.parent)},
+        [sys.executable, "-P", "-m", "muro_zenoh", "run", "pursuit"],
+        env={**os.environ, "PYTHONPATH": f"{foreign.parent}{os.pathsep}{Path(muro_zenoh.__file__).parents[1]}"},
         capture_output=True,
         text=True,
         timeout=60,
@@ -176,11 +203,11 @@ def test_assignments_keep_the_equals_signs_of_their_values() -> None:
     assert assignments(('bus.config = "a=b"', "x.y=1"), "--set") == {"bus.config": "a=b", "x.y": 1}
 
 
-def test_flags_are_laid_over_the_file_s_bus() -> None:
-    ground = BusSettings(realm="lab", connect=("tcp/10.0.0.1:7447",))
-    assert lay_over(ground, {"connect": (), "listen": (), "mode": None}) == ground
-    laid = lay_over(ground, {"connect": ("tcp/10.0.0.2:1", "udp/h:2"), "mode": "peer"})
-    assert (laid.realm, laid.mode, laid.connect) == ("lab", "peer", ("tcp/10.0.0.2:1", "udp/h:2"))
+def test_flags_override_the_file_s_bus() -> None:
+    base = BusSettings(realm="lab", connect=("tcp/10.0.0.1:7447",))
+    assert override_bus(base, {"connect": (), "listen": (), "mode": None}) == base
+    overridden = override_bus(base, {"connect": ("tcp/10.0.0.2:1", "udp/h:2"), "mode": "peer"})
+    assert (overridden.realm, overridden.mode, overridden.connect) == ("lab", "peer", ("tcp/10.0.0.2:1", "udp/h:2"))
 
 
 # ---- what a run is made of
@@ -188,17 +215,31 @@ def test_flags_are_laid_over_the_file_s_bus() -> None:
 
 @pytest.mark.parametrize("name", sorted(built_in_scenarios()))
 def test_a_built_in_scenario_goes_to_the_processes_as_it_is(name: str, tmp_path: Path) -> None:
-    scenario = find_scenario(name, None, {})
+    scenario = find_scenario(name)
     assert len(scenario.robot) == 5
     assert all(robot.tag_x and robot.tag_y and robot.tag_yaw for robot in scenario.robot.values())
     assert load_scenario(write_scenario(scenario, tmp_path), name=name) == scenario
 
 
-def test_a_number_of_robots_is_taken() -> None:
+def test_every_process_of_a_run_is_started_by_a_command_that_parses(tmp_path: Path) -> None:
+    scenario = find_scenario("pursuit", 2)
+    file = write_scenario(scenario, tmp_path)
+    specs = [router_spec(file), *fleet_specs(scenario, file, 7, tmp_path)]
+    assert [spec.name for spec in specs] == ["router", "simulator", "basestation", "r1", "r2"]
+    context = click.Context(main, info_name="muro")
+    for spec in specs:
+        python, flags, (word, *words) = spec.command[0], spec.command[1:4], spec.command[4:]
+        assert (python, flags) == (sys.executable, ("-P", "-m", "muro_zenoh"))
+        command = main.get_command(context, word)
+        assert command is not None, word
+        command.make_context(word, words, parent=context)
+
+
+def test_a_number_of_robots_can_be_chosen() -> None:
     assert find_scenario("pursuit", 8, {"circle.radius": 1.0}).robots == tuple(f"r{i}" for i in range(1, 9))
 
 
-def test_a_scenario_in_json_that_is_none() -> None:
+def test_a_scenario_in_json_that_is_not_one() -> None:
     Path("scenario.json").write_text("[1, 2]")
     with pytest.raises(ConfigError, match=r"scenario.json: got \[1, 2\] \(array\), expected a table of settings"):
         load_scenario("scenario.json")
@@ -244,12 +285,12 @@ def test_keys_are_within_the_realm_or_absolute(typed: str, key: str) -> None:
 
 
 @pytest.mark.parametrize("typed", ["", "/", "a//b", "a/", "a*b", "a/***", "a?b", "a#", "$"])
-def test_what_is_no_key_is_refused(typed: str) -> None:
+def test_what_is_not_a_key_is_refused(typed: str) -> None:
     with pytest.raises(ConfigError, match="KEY"):
         full_key(typed, "muro")
 
 
-def test_payloads_are_shown_for_people() -> None:
+def test_payloads_are_shown_as_text() -> None:
     packed = msgpack.packb({"x": 1.5, "name": "r1", "data": b"\0" * 300, 3: [None, True]})
     assert json.loads(shown(packed, "application/msgpack;Frame.1")) == {
         "x": 1.5,
@@ -257,11 +298,11 @@ def test_payloads_are_shown_for_people() -> None:
         "data": "<300 bytes>",
         "3": [None, True],
     }
-    assert shown(msgpack.packb({"a": 1}), "zenoh/bytes") == '{"a": 1}'  # a foreign writer said nothing
+    assert shown(msgpack.packb({"a": 1}), "zenoh/bytes") == '{"a": 1}'  # a foreign writer, without a type
     assert shown(msgpack.packb(7), "application/msgpack") == "7"
     assert shown(b"hello", "text/plain") == "hello"
     assert shown(b"\x07", "zenoh/bytes") == "<1 raw bytes, encoding zenoh/bytes: 07>"
-    assert shown(b"", None) == "<0 raw bytes, encoding not said: >"
+    assert shown(b"", None) == "<0 raw bytes, encoding unknown: >"
     assert shown(b"\xc1" * 100, "application/msgpack").startswith("<100 raw bytes, encoding application/msgpack: c1 c1")
     assert shown(b"\x81\xa1a" + b"\xd9\xff", "application/cdr").startswith("<5 raw bytes")
 

@@ -12,20 +12,20 @@ import pytest
 import pytest_asyncio
 
 from muro_zenoh import channels, geometry
+from muro_zenoh.config import find_scenario
 from muro_zenoh.messages import Calibration, Circle, Health, Truth
 from muro_zenoh.scoring.collector import Collector
-from muro_zenoh.scoring.sheet import Observed
+from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.view import view_of
-from muro_zenoh.supervision.launch import find_scenario
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.clock import ManualClock
 
-SCENARIO = find_scenario("pursuit", 2, {})
+SCENARIO = find_scenario("pursuit", 2)
 
 
 @dataclass
 class Lab:
-    """A network with a collector, and processes that speak."""
+    """A network with a collector, and processes that report."""
 
     network: MemoryNetwork
     clock: ManualClock
@@ -61,7 +61,7 @@ async def lab() -> AsyncIterator[Lab]:
     network, clock = MemoryNetwork(), ManualClock()
     async with make_bus(network.link(), "muro", clock=clock) as bus:
         collector = Collector(bus, SCENARIO)
-        hearing = asyncio.create_task(collector.hear())
+        hearing = asyncio.create_task(collector.collect_health())
         await asyncio.sleep(0)
         lab = Lab(network, clock, collector)
         yield lab
@@ -89,7 +89,7 @@ async def test_the_time_that_an_agent_was_dead_counts(lab: Lab) -> None:
     await lab.restart("r1")
     lab.clock.advance(3.0)
     await lab.health("r1", numbers={"fixes": 16})
-    # 20 fixes of the first life and 16 of the second, in 4 s
+    # 20 fixes before the restart and 16 after it, in 4 s
     assert lab.collector.fix_rate("r1") == pytest.approx(9.0)
 
 
@@ -102,7 +102,7 @@ async def test_an_agent_that_died_before_its_first_report_counts_from_the_beginn
     assert lab.collector.fix_rate("r1") == pytest.approx(10.0)
 
 
-async def test_the_first_report_speaks_of_the_time_before_too(lab: Lab) -> None:
+async def test_the_first_report_covers_the_time_before_too(lab: Lab) -> None:
     await lab.health("r1", samples={"pose_age_s": (9.0,)})
     lab.collector.begin()
     for k in range(3):
@@ -113,7 +113,7 @@ async def test_the_first_report_speaks_of_the_time_before_too(lab: Lab) -> None:
     assert seen.pose_to_command == [0.001, 0.002] * 2
 
 
-async def test_collisions_of_a_simulator_s_lives_are_added_up(lab: Lab) -> None:
+async def test_collisions_are_added_up_over_restarts_of_the_simulator(lab: Lab) -> None:
     assert lab.observed().collisions is None
     lab.collector.begin()
     await lab.health("simulator", "simulator", numbers={"collisions": 2, "min_separation_m": 0.3})
@@ -135,8 +135,8 @@ async def test_a_truth_that_is_old_is_not_known(lab: Lab) -> None:
     lab.clock.advance(0.2)
     lab.collector.take_sample()
     first, second = lab.collector.samples
-    assert first.places == {"r1": (0.8, 0.0), "r2": (-0.8, 0.0)}
-    assert second.places == {"r2": (-0.8, 0.1)}
+    assert first.positions == {"r1": (0.8, 0.0), "r2": (-0.8, 0.0)}
+    assert second.positions == {"r2": (-0.8, 0.1)}
     assert second.t == pytest.approx(0.6)
 
 
@@ -144,10 +144,10 @@ async def test_nothing_is_kept_before_the_scenario_begins(lab: Lab) -> None:
     await lab.truth("r1", 0.8, 0.0)
     lab.collector.take_sample()
     assert lab.collector.samples == []
-    assert lab.collector.latest.places == {"r1": (0.8, 0.0)}
+    assert lab.collector.latest.positions == {"r1": (0.8, 0.0)}
 
 
-async def test_the_circle_is_the_one_that_holds(lab: Lab) -> None:
+async def test_the_circle_is_the_one_in_force(lab: Lab) -> None:
     assert lab.collector.circle.radius == 0.8
     lab.bus("basestation").publisher(channels.CIRCLE).put(Circle(x=0.1, y=0.0, radius=0.9, clockwise=True))
     await lab.settle()
@@ -196,7 +196,7 @@ async def test_the_operator_s_view(lab: Lab) -> None:
         31,
     )
     assert one.gap == pytest.approx(1.5708, abs=1e-4)
-    assert (two.name, two.state, two.reasons, two.pose_age) == ("r2", "-", "not heard yet", None)
+    assert (two.name, two.state, two.reasons, two.pose_age) == ("r2", "-", "no report yet", None)
     assert two.distance == pytest.approx(0.1)
     assert view.radius_error == pytest.approx(0.1)
     assert view.spacing_error == pytest.approx(1.5708, abs=1e-4)

@@ -9,12 +9,12 @@ import pytest
 from rich.console import Console
 
 from muro_zenoh.cli.live import PlainScreen, TableScreen, line_of, table_of
-from muro_zenoh.scoring.sheet import Calibrated
-from muro_zenoh.scoring.view import Row, View
+from muro_zenoh.scoring.observed import Calibrated
+from muro_zenoh.scoring.view import RobotRow, View
 
-KNOWN = Row("r1", "pursuit", "", 0.0612, 0.0042, 1.257, 33.4, Calibrated(1.051, 0.912, None, None))
-UNKNOWN = Row("r2", "-", "not heard yet", None, None, None, None, Calibrated(None, None, None, None))
-HOLDING = Row("r3", "holding", "not heard yet", None, None, None, None, Calibrated(None, None, None, None))
+KNOWN = RobotRow("r1", "pursuit", "", 0.0612, 0.0042, 1.257, 33.4, Calibrated(1.051, 0.912, None, None))
+UNKNOWN = RobotRow("r2", "-", "no report yet", None, None, None, None, Calibrated(None, None, None, None))
+HOLDING = RobotRow("r3", "holding", "no report yet", None, None, None, None, Calibrated(None, None, None, None))
 
 
 def view(**changes: Any) -> View:
@@ -23,18 +23,18 @@ def view(**changes: Any) -> View:
 
 def test_the_line_has_the_worst_of_all_robots() -> None:
     assert line_of(view(rows=[KNOWN, KNOWN._replace(name="r2", pose_age=0.08)])) == (
-        "  12.3 s  driving 2/2  from the circle 0.004 m  spacing error 0.031 rad  pose age 80 ms  restarts 1"
+        "  12.3 s  driving 2/2  radius error 0.004 m  spacing error 0.031 rad  pose age 80 ms  restarts 1"
     )
 
 
 def test_the_line_says_why_robots_do_not_drive() -> None:
     line = line_of(view(rows=[KNOWN, UNKNOWN, HOLDING], radius_error=None, spacing_error=None))
-    assert "driving 1/3  from the circle -  spacing error -" in line
-    assert line.endswith("restarts 1  r2 r3: not heard yet")
+    assert "driving 1/3  radius error -  spacing error -" in line
+    assert line.endswith("restarts 1  r2 r3: no report yet")
 
 
-def test_the_table_shows_units_and_what_robots_say_as_it_is() -> None:
-    # rich would take [m] for a tag, and a robot's "[/x]" for the end of one: an error that ends the whole run.
+def test_the_table_shows_units_and_reasons_literally() -> None:
+    # rich would take [m] for markup, and "[/x]" in a robot's reason for its end: an error that ends the whole run.
     screen = TableScreen()
     with screen._console.capture() as shown:
         screen._console.width = 160
@@ -51,15 +51,15 @@ def test_the_table_has_a_row_for_each_robot() -> None:
     (r1,) = [line for line in lines if "r1" in line]
     (r2,) = [line for line in lines if "r2" in line]
     assert r1.replace("│", " ").split() == ["r1", "pursuit", "61", "0.004", "1.26", "33.4", "1.051", "0.912"]
-    assert r2.replace("│", " ").split() == ["r2", "-", "-", "-", "-", "-", "-", "-", "not", "heard", "yet"]
-    assert "12 of 60 s   from the circle 0.004 m   spacing error 0.031 rad   restarts 1" in lines[0]
+    assert r2.replace("│", " ").split() == ["r2", "-", "-", "-", "-", "-", "-", "-", "no", "report", "yet"]
+    assert "12 of 60 s   radius error 0.004 m   spacing error 0.031 rad   restarts 1" in lines[0]
 
 
 def test_plain_lines_come_every_five_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     with PlainScreen() as screen:
         for t in (0.3, 0.6, 4.9, 5.1, 9.9, 17.0, 19.9, 20.0):
             screen.show(view(t=t))
-        screen.tell("r1 starts again in 0.5 s")
+        screen.notify("r1 restarts in 0.5 s")
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[:-1]] == ["0.3", "5.1", "17.0", "20.0"]
-    assert lines[-1] == "r1 starts again in 0.5 s"
+    assert lines[-1] == "r1 restarts in 0.5 s"

@@ -17,23 +17,22 @@ from hypothesis import strategies as st
 
 from muro_zenoh.config import Checks
 from muro_zenoh.control.importance import Importance
+from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
+from muro_zenoh.scoring.__main__ import page
+from muro_zenoh.scoring.checks import CHECKS
+from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
 from muro_zenoh.scoring.deployment import Deployment
-from muro_zenoh.scoring.goals import Body, Planned
-from muro_zenoh.scoring.sheet import (
-    Calibrated,
-    Observed,
-    Sample,
-    percentile,
-    radius_error,
-    score_sheet,
-    settle_time,
-    spacing_error,
-)
-from muro_zenoh.scoring.view import gaps_ahead
+from muro_zenoh.scoring.expectations import Asked
+from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
+from muro_zenoh.scoring.rows import as_json, definitions
+from muro_zenoh.scoring.score import score_run
+from muro_zenoh.scoring.sheet import ProcessUse, ScoreSheet
+from muro_zenoh.scoring.spread import percentile
 
+PAGE = Path(__file__).parents[2] / "docs" / "scoresheet.md"
 CIRCLE = Circle(1.0, -0.5, 0.8)
 ALL_CHECKS = Checks(
     settle_time=40.0,
@@ -88,7 +87,7 @@ def test_the_radius_error_is_the_distance_from_the_line(radius: float, error: fl
         ((), 0.0),
     ],
 )
-def test_the_spacing_error_is_the_worst_gap_s(angles: tuple[float, ...], error: float) -> None:
+def test_the_spacing_error_is_that_of_the_worst_gap(angles: tuple[float, ...], error: float) -> None:
     assert spacing_error(ring(*angles), CIRCLE) == pytest.approx(error, abs=1e-9)
 
 
@@ -119,11 +118,13 @@ def test_the_gap_ahead_follows_the_direction_of_travel() -> None:
         ([(0.0, 7.0, False), (7.0, 12.1, True), (12.1, 60.0, False)], 7.0),  # five seconds are enough
         ([(0.0, 7.0, False), (7.0, 12.0, True), (12.0, 60.0, False)], None),  # 4.9 s from first to last are not
         ([(0.0, 58.0, False), (58.0, 60.0, True)], None),
-        ([(0.0, 4.0, True), (7.0, 9.0, True)], None),  # nobody looked from 4 to 7 s
+        ([(0.0, 4.0, True), (7.0, 9.0, True)], None),  # no sample from 4 to 7 s
         ([], None),
     ],
 )
-def test_settled_is_the_first_five_good_seconds(spans: list[tuple[float, float, bool]], settled: float | None) -> None:
+def test_settled_after_the_first_five_seconds_within_the_bands(
+    spans: list[tuple[float, float, bool]], settled: float | None
+) -> None:
     assert settle_time(moments(*spans)) == settled
 
 
@@ -142,19 +143,29 @@ def test_a_percentile_of_nothing_is_not_known() -> None:
 # ---- the sheet
 
 
-# Three robots drive to the centroids of their thirds of a floor of 3 x 1 m, and stand there.
+# Three robots drive to the centroids of their thirds of a floor of 3 x 1 m, and rest there.
 FLOOR = Deployment(Bounds(0.0, 3.0, 0.0, 1.0), None, 0.5)
 DRIVING = {f"r{k + 1}": Body(k + 0.3, 0.5, 0.0, 0.2, 0.0) for k in range(3)}
-STANDING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
+RESTING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
 PATHS = {f"r{k + 1}": (Planned(0.0, PlannedPath(Pose2(k, 0.49, 0.0), (Segment(5.0, 0.0),))),) for k in range(3)}
 
 
-def observed(**changes: Any) -> Observed:
+ASKED = Asked(
+    follows_circle=True,
+    spreads=True,
+    importance=Importance.from_function(lambda angle: 1.0),
+    goals={f"r{k + 1}": ((k + 0.48, 0.51, 0.0),) for k in range(3)},
+    v_min=0.08,
+    deployment=FLOOR,
+)
+
+
+def observed(asked: dict[str, Any] | None = None, **changes: Any) -> Observed:
     """60 s of three robots: 20 s off the circle and bunched, then 0.01 m off and evenly spread but for 0.02 rad."""
     third = 2 * math.pi / 3
     samples = [Sample(k / 10, ring(0.0, 0.5, 1.0, radius=1.0), CIRCLE, DRIVING) for k in range(200)]
     samples += [
-        Sample(k / 10, ring(k / 40, k / 40 + third + 0.02, k / 40 + 2 * third, radius=0.81), CIRCLE, STANDING)
+        Sample(k / 10, ring(k / 40, k / 40 + third + 0.02, k / 40 + 2 * third, radius=0.81), CIRCLE, RESTING)
         for k in range(200, 601)
     ]
     seen: dict[str, Any] = {
@@ -171,19 +182,22 @@ def observed(**changes: Any) -> Observed:
         "calibration": {"r1": Calibrated(1.05, 0.9, 0.98, 1.1)},
         "calibration_error_10s": {"r1": 0.04},
         "restarts": 0,
-        "processes": {"r1": {"cpu_percent": 3.1, "rss_mb": 40.0}},
-        "goals": {f"r{k + 1}": ((k + 0.48, 0.51, 0.0),) for k in range(3)},
+        "processes": {"r1": ProcessUse(3.1, 40.0)},
         "paths": PATHS,
-        "v_min": 0.08,
         "command_ratio": 0.7,
-        "deployment": FLOOR,
-        "importance": Importance.from_function(lambda angle: 1.0),
+        "asked": ASKED._replace(**(asked or {})),
     }
     return Observed(**{**seen, **changes})
 
 
+def report(seen: Observed, checks: Checks) -> dict[str, Any]:
+    """A score sheet as ``report.json`` has it."""
+    table: dict[str, Any] = json.loads(json.dumps(as_json(score_run(seen, checks))))
+    return table
+
+
 def test_a_good_run_s_sheet() -> None:
-    sheet = score_sheet(observed(), ALL_CHECKS)
+    sheet = report(observed(), ALL_CHECKS)
     assert sheet["robots"] == 3
     assert sheet["settle_time_s"] == 20.0
     assert sheet["radius_error_m"] == pytest.approx({"p50": 0.01, "p95": 0.01, "max": 0.01})
@@ -215,7 +229,7 @@ def test_a_good_run_s_sheet() -> None:
 
 
 def test_the_window_is_the_last_seconds() -> None:
-    sheet = score_sheet(observed(), Checks(window=50.0))
+    sheet = report(observed(), Checks(window=50.0))
     # 101 of 501 samples of the last 50 s are of the time before 20 s: 0.2 m off, a gap of 2 pi - 1 instead of a third
     assert sheet["radius_error_m"] == pytest.approx({"p50": 0.01, "p95": 0.2, "max": 0.2})
     assert sheet["spacing_error_rad"]["max"] == pytest.approx(4 * math.pi / 3 - 1.0, abs=1e-5)
@@ -239,23 +253,23 @@ def test_the_window_is_the_last_seconds() -> None:
         ("collisions", {"collisions": 1}),
         ("collisions", {"collisions": None}),
         ("radius_error_p95", {"samples": []}),
-        ("goals_missed", {"goals": {"r1": ((2.0, 0.5),)}}),
-        ("goals_missed", {"goals": {}}),
-        ("goal_distance", {"goals": {"r1": ((0.44, 0.51),)}}),
-        ("goal_heading", {"goals": {"r1": ((0.5, 0.51, -0.1),)}}),
+        ("goals_missed", {"asked": {"goals": {"r1": ((2.0, 0.5),)}}}),
+        ("goals_missed", {"asked": {"goals": {}}}),
+        ("goal_distance", {"asked": {"goals": {"r1": ((0.44, 0.51),)}}}),
+        ("goal_heading", {"asked": {"goals": {"r1": ((0.5, 0.51, -0.1),)}}}),
         ("tracking_error_p95", {"paths": {"r1": [Planned(0.0, PlannedPath(Pose2(0, 0.46, 0), (Segment(5, 0),)))]}}),
-        ("peak_speed_ratio", {"v_min": 0.11}),
+        ("peak_speed_ratio", {"asked": {"v_min": 0.11}}),
         ("peak_speed_ratio", {"paths": {**PATHS, "r3": ()}}),
         ("command_ratio", {"command_ratio": 1.01}),
         ("command_ratio", {"command_ratio": None}),
-        ("coverage_distance", {"deployment": Deployment(Bounds(0.0, 3.0, 0.0, 1.1), None, 0.5)}),
-        ("coverage_gain", {"deployment": Deployment(Bounds(0.0, 3.6, 0.0, 1.0), None, 0.5)}),
+        ("coverage_distance", {"asked": {"deployment": Deployment(Bounds(0.0, 3.0, 0.0, 1.1), None, 0.5)}}),
+        ("coverage_gain", {"asked": {"deployment": Deployment(Bounds(0.0, 3.6, 0.0, 1.0), None, 0.5)}}),
         ("coverage_distance", {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
-        ("density_error", {"importance": Importance.from_function(lambda angle: 1.2 + math.sin(angle))}),
+        ("density_error", {"asked": {"importance": Importance.from_function(lambda angle: 1.2 + math.sin(angle))}}),
     ],
 )
 def test_a_check_that_is_not_met_fails_the_run(check: str, changes: dict[str, Any]) -> None:
-    sheet = score_sheet(observed(**changes), ALL_CHECKS)
+    sheet = report(observed(**changes), ALL_CHECKS)
     assert sheet["checks"][check]["passed"] is False
     assert sheet["passed"] is False
 
@@ -264,7 +278,7 @@ def test_one_robot_off_the_circle_is_not_hidden_by_many_on_it() -> None:
     names = tuple(f"r{i + 1}" for i in range(30))
     places = {name: at(2 * math.pi * i / 30, 0.9 if i == 0 else 0.8) for i, name in enumerate(names)}
     samples = [Sample(k / 10, places, CIRCLE) for k in range(601)]
-    sheet = score_sheet(observed(robots=names, samples=samples), ALL_CHECKS)
+    sheet = report(observed(robots=names, samples=samples), ALL_CHECKS)
     assert sheet["radius_error_m"]["p95"] == pytest.approx(0.0)
     assert sheet["checks"]["radius_error_p95"]["value"] == pytest.approx(0.1)
     assert sheet["settle_time_s"] is None
@@ -274,21 +288,21 @@ def test_a_robot_whose_truth_is_not_known_is_not_settled() -> None:
     even = ring(0.0, 2 * math.pi / 3, 4 * math.pi / 3)
     without = {name: place for name, place in even.items() if name != "r2"}
     samples = [Sample(k / 10, without if k < 300 else even, CIRCLE) for k in range(601)]
-    sheet = score_sheet(observed(samples=samples), ALL_CHECKS)
+    sheet = report(observed(samples=samples), ALL_CHECKS)
     assert sheet["settle_time_s"] == 30.0
     assert sheet["truth_known"] == pytest.approx((2 * 300 + 3 * 301) / (3 * 601), abs=1e-4)
 
 
 def test_robots_on_the_circle_that_need_not_spread() -> None:
     samples = [Sample(k / 10, ring(0.0, 0.1, 0.2), CIRCLE) for k in range(601)]
-    sheet = score_sheet(observed(samples=samples, spreads=False), Checks(settle_time=40.0))
+    sheet = report(observed({"spreads": False}, samples=samples), Checks(settle_time=40.0))
     assert sheet["settle_time_s"] == 0.0
     assert sheet["spacing_error_rad"] == {"p50": None, "p95": None, "max": None}
     assert sheet["passed"] is True
 
 
-def test_robots_that_stand_still_have_no_radius_error() -> None:
-    sheet = score_sheet(observed(follows_circle=False, spreads=False), Checks())
+def test_robots_off_the_circle_on_purpose_have_no_radius_error() -> None:
+    sheet = report(observed({"follows_circle": False, "spreads": False}), Checks())
     assert sheet["settle_time_s"] is None
     assert sheet["radius_error_m"] == {"p50": None, "p95": None, "max": None}
     assert sheet["passed"] is True
@@ -299,47 +313,74 @@ def test_a_circle_that_is_changed_counts_from_then_on() -> None:
     third = 2 * math.pi / 3
     before = [Sample(k / 10, ring(0.0, third, 2 * third), CIRCLE) for k in range(500)]
     after = [Sample(k / 10, ring(0.0, third, 2 * third, radius=1.0), wider) for k in range(500, 601)]
-    sheet = score_sheet(observed(samples=before + after), ALL_CHECKS)
+    sheet = report(observed(samples=before + after), ALL_CHECKS)
     assert sheet["radius_error_m"]["max"] == pytest.approx(0.0, abs=1e-9)
     assert sheet["settle_time_s"] == 0.0
 
 
 @pytest.mark.parametrize("ended", ["interrupted", "failed"])
 def test_a_run_that_ended_early_has_not_passed(ended: str) -> None:
-    sheet = score_sheet(observed(ended=ended), ALL_CHECKS)
+    sheet = report(observed(ended=ended), ALL_CHECKS)
     assert all(check["passed"] for check in sheet["checks"].values())
     assert sheet["passed"] is False
+
+
+# ---- rows
+
+
+def test_every_key_of_a_report_has_a_definition_and_every_definition_a_key() -> None:
+    defined = list(definitions(ScoreSheet))
+    assert all(row.text for row in defined)
+    keys = [row.key for row in defined]
+    assert len(keys) == len(set(keys))
+    names = "<robot>|<process>|<check>"
+    found = set(keys_of(report(observed(), ALL_CHECKS)))
+    assert {re.sub(names, "*", key) for key in keys} == found
+
+
+def keys_of(table: dict[str, Any], path: str = "") -> Iterator[str]:
+    """The keys of a report, with ``*`` for the names of robots, processes and checks."""
+    named = ("radius_error_by_robot_m", "fix_rate_hz", "goals", "calibration", "processes", "checks")
+    for key, value in table.items():
+        here = f"{path}.{'*' if path in named else key}" if path else key
+        if isinstance(value, dict):
+            yield from keys_of(value, here)
+        elif isinstance(value, list):
+            for entry in value:
+                yield from keys_of(entry, f"{here}[]")
+        else:
+            yield here
+
+
+def test_numbers_are_rounded_as_their_rows_say() -> None:
+    seen = observed(min_separation=1 / 3, pose_to_command=[1 / 3], fix_rate={"r1": 1 / 3}, duration=60.123)
+    sheet = score_run(seen, Checks())
+    assert (sheet.min_separation_m, sheet.duration_s) == (0.3333, 60.12)
+    assert sheet.pose_to_command_ms.p50 == 333.333
+    assert sheet.fix_rate_hz == {"r1": 0.33, "r2": None, "r3": None}
+
+
+def test_there_is_a_check_for_every_limit() -> None:
+    assert [check.name for check in CHECKS] == [name for name in Checks.__struct_fields__ if name != "window"]
+
+
+def test_a_check_has_the_unit_of_what_it_looks_at() -> None:
+    units = {row.key: row.unit for row in definitions(ScoreSheet)}
+    for check in CHECKS:
+        keys = re.findall("`([^`]+)`", check.looks_at)
+        assert keys
+        for key in keys:
+            assert check.unit == ("s" if "in seconds" in check.looks_at else units[key])
 
 
 # ---- the page
 
 
-def test_the_page_defines_every_key_and_no_other() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "scoresheet.md").read_text()
-    defined = re.findall(r"^\| `([^`]+)` \|", page.split("The checks, set in")[0], re.MULTILINE)
-    sheet = json.loads(json.dumps(score_sheet(observed(), ALL_CHECKS)))
-    assert len(defined) == len(set(defined))
-    assert set(defined) == set(keys_of(sheet))
+def test_the_page_is_what_the_code_says() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert page(text) == text, "run python -m muro_zenoh.scoring docs/scoresheet.md"
 
 
-def test_the_page_defines_every_check() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "scoresheet.md").read_text()
-    defined = re.findall(r"^\| `([^`]+)` \|", page.split("The checks, set in")[1], re.MULTILINE)
-    assert sorted(defined) == sorted(score_sheet(observed(), ALL_CHECKS)["checks"])
-
-
-def keys_of(table: dict[str, Any], path: str = "") -> Iterator[str]:
-    names = {
-        "radius_error_by_robot_m": "<robot>",
-        "fix_rate_hz": "<robot>",
-        "goals": "<robot>",
-        "calibration": "<robot>",
-        "processes": "<process>",
-        "checks": "<check>",
-    }
-    for key, value in table.items():
-        here = f"{path}.{names.get(path, key)}" if path else key
-        if isinstance(value, dict):
-            yield from keys_of(value, here)
-        else:
-            yield here
+def test_a_page_without_marks_is_refused() -> None:
+    with pytest.raises(ConfigError, match="got no marks"):
+        page("# The score sheet\n")

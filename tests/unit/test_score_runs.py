@@ -6,14 +6,16 @@ import math
 
 import pytest
 
+from muro_zenoh.config import find_scenario
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path, Segment
-from muro_zenoh.scoring.deployment import BINS, Deployment, density_error, score_deployment
+from muro_zenoh.scoring.density import BINS, density_error
+from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.expectations import asked_of
-from muro_zenoh.scoring.goals import Body, Moment, Planned, score_goals, score_tracking, stands
-from muro_zenoh.supervision.launch import find_scenario
+from muro_zenoh.scoring.goals import rests, score_goals, score_tracking
+from muro_zenoh.scoring.observed import Body, Moment, Planned
 
 
 def track(*spans: tuple[float, float, float, float, float]) -> list[Moment]:
@@ -25,34 +27,34 @@ def track(*spans: tuple[float, float, float, float, float]) -> list[Moment]:
     ]
 
 
-def test_a_stand_is_long_enough_and_ends_where_it_ends() -> None:
-    found = stands(track((0, 2, 0.0, 0.5, 0), (2, 2.4, 1.0, 0.0, 0), (2.4, 4, 1.0, 0.5, 0), (4, 6, 1.8, 0.001, 0)))
+def test_a_rest_is_long_enough_and_ends_where_it_ends() -> None:
+    found = rests(track((0, 2, 0.0, 0.5, 0), (2, 2.4, 1.0, 0.0, 0), (2.4, 4, 1.0, 0.5, 0), (4, 6, 1.8, 0.001, 0)))
     assert [(round(s.begin, 2), round(s.end, 2)) for s in found] == [(4.0, 5.9)]
     assert found[0].body.x == pytest.approx(1.8019)
 
 
-def test_who_turns_on_the_spot_does_not_stand() -> None:
-    assert stands([Moment(k / 10, Body(0.0, 0.0, 0.0, 0.0, 0.2)) for k in range(30)]) == []
+def test_a_robot_that_turns_on_the_spot_does_not_rest() -> None:
+    assert rests([Moment(k / 10, Body(0.0, 0.0, 0.0, 0.0, 0.2)) for k in range(30)]) == []
 
 
 def test_goals_are_reached_in_their_order() -> None:
     drive = track((0, 2, 0.0, 0.5, 0), (2, 4, 1.01, 0.0, 0), (4, 6, 1.01, 0.5, 0), (6, 9, 2.04, 0.0, 3.1))
     first, second, third = score_goals([(1.0, 0.0), (2.0, 0.0, -3.1), (1.0, 0.0)], drive)
-    assert (first["reached_s"], first["distance_m"], first["heading_rad"]) == (2.0, 0.01, None)
-    assert (second["reached_s"], second["distance_m"]) == (6.0, 0.04)
-    assert second["heading_rad"] == pytest.approx(2 * math.pi - 6.2, abs=1e-4)
-    assert (third["reached_s"], third["distance_m"], third["theta"]) == (None, None, None)
+    assert (first.reached_s, first.distance_m, first.heading_rad) == (2.0, 0.01, None)
+    assert (second.reached_s, second.distance_m) == (6.0, 0.04)
+    assert second.heading_rad == pytest.approx(2 * math.pi - 6.2, abs=1e-4)
+    assert (third.reached_s, third.distance_m, third.theta) == (None, None, None)
 
 
-def test_who_stops_short_and_comes_nearer_is_judged_by_the_last_stand() -> None:
+def test_a_robot_that_stops_short_and_comes_nearer_is_judged_by_its_last_rest() -> None:
     drive = track((0, 1, 0.91, 0.0, 0), (1, 1.8, 0.91, 0.1, 0), (1.8, 4, 0.99, 0.0, 0))
     (row,) = score_goals([(1.0, 0.0)], drive)
-    assert (row["reached_s"], row["distance_m"]) == (1.8, 0.01)
+    assert (row.reached_s, row.distance_m) == (1.8, 0.01)
 
 
-def test_who_passes_a_goal_without_a_stand_has_not_reached_it() -> None:
+def test_a_goal_that_is_passed_without_a_rest_is_not_reached() -> None:
     (row,) = score_goals([(1.0, 0.0)], track((0, 4, 0.0, 0.5, 0)))
-    assert row["reached_s"] is None
+    assert row.reached_s is None
 
 
 def test_tracking_is_the_distance_from_the_path_in_force() -> None:
@@ -79,7 +81,7 @@ FLOOR = Deployment(Bounds(0.0, 2.0, 0.0, 1.0), None, 0.5)
 
 
 def rest(begin: float, end: float, a: float, b: float) -> list[tuple[float, dict[str, Body]]]:
-    """Two robots that stand at x = a and b, in the middle of the floor's width."""
+    """Two robots at rest at x = a and b, in the middle of the floor's width."""
     bodies = {"r1": Body(a, 0.5, 0.0, 0.0, 0.0), "r2": Body(b, 0.5, 0.0, 0.0, 0.0)}
     return [(k / 10, bodies) for k in range(round(10 * begin), round(10 * end))]
 
@@ -105,14 +107,14 @@ def test_a_cost_that_rises_is_seen_and_what_is_left_to_gain() -> None:
     assert found.gain == pytest.approx(1 - (1 / 6) / (1 / 6 + 0.1**2), abs=1e-5)
 
 
-def test_who_does_not_rest_at_the_end_has_not_deployed() -> None:
+def test_robots_that_drive_at_the_end_have_not_deployed() -> None:
     found = score_deployment(FLOOR, [*rest(0, 1, 0.5, 1.5), *moving(1, 2)], 2)
     assert (found.distance, found.gain, found.rounds) == (None, None, 1)
     found = score_deployment(FLOOR, rest(0, 0.3, 0.5, 1.5), 2)  # shorter than the hold time
     assert (found.distance, found.cost, found.rise, found.rounds) == (None, None, None, 0)
 
 
-def test_a_moment_that_misses_a_robot_is_passed_over() -> None:
+def test_a_moment_that_misses_a_robot_is_skipped() -> None:
     fleet = [*rest(0, 1, 0.5, 1.5), (1.0, {"r1": Body(0.1, 0.1, 0.0, 0.0, 0.0)})]
     assert score_deployment(FLOOR, fleet, 2).distance == pytest.approx(0.0, abs=1e-9)
 
@@ -138,20 +140,20 @@ def test_a_density_that_is_kept_and_one_that_is_not() -> None:
 
 
 def test_what_the_built_in_scenarios_ask_for() -> None:
-    dubins = asked_of(find_scenario("dubins", 3, {}))
+    dubins = asked_of(find_scenario("dubins", 3))
     assert set(dubins.goals) == {"r1", "r2", "r3"}
     assert dubins.v_min == 0.1
     assert not dubins.follows_circle
-    coverage = asked_of(find_scenario("coverage", None, {}))
+    coverage = asked_of(find_scenario("coverage"))
     assert coverage.deployment is not None
     assert coverage.deployment.floor == Bounds(-2.1, 2.1, -1.5, 1.5)
-    importance = asked_of(find_scenario("importance", None, {}))
+    importance = asked_of(find_scenario("importance"))
     assert (importance.follows_circle, importance.spreads) == (True, False)
     assert importance.importance is not None
     assert importance.importance.contrast == pytest.approx(3.0, abs=1e-3)
-    assert asked_of(find_scenario("pursuit", None, {})).spreads
+    assert asked_of(find_scenario("pursuit")).spreads
 
 
-def test_parameters_that_do_not_fit_are_told_before_anything_is_scored() -> None:
+def test_parameters_that_do_not_fit_are_refused_before_anything_is_scored() -> None:
     with pytest.raises(ConfigError, match="cruise"):
         asked_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))

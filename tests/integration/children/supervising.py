@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 from muro_zenoh.runtime.process import ready, run_process
-from muro_zenoh.supervision.supervisor import ChildSpec, Supervisor
+from muro_zenoh.supervision.child import ChildSpec
+from muro_zenoh.supervision.supervisor import Supervisor
 
 folder, *whats = sys.argv[1:]
 dummy = str(Path(__file__).parent / "dummy.py")

@@ -1,0 +1,53 @@
+"""A change of behaviour: asked of the base station, and refused by robots that cannot run it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from muro_zenoh import channels
+from muro_zenoh.messages import Reply, SetBehaviour
+from muro_zenoh.transport import Bus
+
+_REFUSAL_TIMEOUT: Final = 1.5
+"""A robot that cannot run a behaviour has reported so by then [s]."""
+
+
+class BehaviourResult(NamedTuple):
+    """What came of a change of behaviour.
+
+    Attributes:
+        reply: the base station's.
+        refusals: why robots cannot run it, by name.
+    """
+
+    reply: Reply
+    refusals: Mapping[str, str]
+
+
+async def set_behaviour(bus: Bus, order: SetBehaviour) -> BehaviourResult:
+    """Change the behaviour of robots.
+
+    Args:
+        bus: the bus.
+        order: which behaviour, and of which robots.
+
+    Raises:
+        NoReply: the base station did not answer in time.
+    """
+    # Before the order, so that no report is missed.
+    reports = bus.every(channels.HEALTH, "*", depth=256)
+    reply = await bus.ask(channels.SET_BEHAVIOUR, order)
+    refusals: dict[str, str] = {}
+    # Only a function of the user's own may be missing on a robot.
+    if not reply.accepted or ":" not in order.behaviour:
+        return BehaviourResult(reply, refusals)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_REFUSAL_TIMEOUT):
+            async for report in reports:
+                for reason in report.message.reasons:
+                    if reason.startswith(f"behaviour {order.behaviour}:"):
+                        refusals.setdefault(report.name, reason)
+    return BehaviourResult(reply, refusals)

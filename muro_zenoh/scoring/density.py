@@ -1,0 +1,37 @@
+"""How well robots on a circle share out their time as an importance asks. Pure."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from muro_zenoh.control.importance import Importance
+from muro_zenoh.geometry import TWO_PI, Circle
+
+BINS: Final = 36
+"""Parts of the circle in which the time that robots spend there is compared with what is asked for."""
+
+
+def density_error(positions: Sequence[tuple[float, float]], circle: Circle, importance: Importance) -> float | None:
+    """How far the time spent round a circle is from what was asked for: total variation distance [-], 0 to 1.
+
+    Half the sum over :data:`BINS` equal parts of \\|share of the positions there - share of the importance there\\|.
+
+    Args:
+        positions: x, y [m, world] of all robots, evenly in time; None comes of none.
+        circle: the circle whose centre is meant.
+        importance: what was asked for.
+    """
+    if not positions:
+        return None
+    counts = [0] * BINS
+    for x, y in positions:
+        angle = math.atan2(y - circle.y, x - circle.x) % TWO_PI
+        counts[int(angle / TWO_PI * BINS) % BINS] += 1
+    edges = [importance.mass(TWO_PI * k / BINS) for k in range(BINS + 1)]
+    return 0.5 * sum(
+        abs(count / len(positions) - (high - low) / TWO_PI)
+        for count, (low, high) in zip(counts, itertools.pairwise(edges), strict=True)
+    )

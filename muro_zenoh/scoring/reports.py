@@ -1,0 +1,135 @@
+"""What processes report of themselves once a second, added up over a run and over their restarts. No bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from muro_zenoh.messages import Health
+
+
+@dataclass(slots=True)
+class FixCount:
+    """The fixes that one agent has reported since scenario time began.
+
+    Attributes:
+        epoch: of the process that reported last.
+        last_fixes: what it reported [-].
+        first_stamp: when counting began [s].
+        last_stamp: of the last report; 0 before the second one [s].
+        fixes: counted since then [-].
+    """
+
+    epoch: int
+    last_fixes: float
+    first_stamp: float
+    last_stamp: float = 0.0
+    fixes: float = 0.0
+
+    def add(self, health: Health) -> None:
+        """Count what a report adds to the one before it; a process that was restarted counts from zero.
+
+        Args:
+            health: the report.
+        """
+        fixes = health.numbers.get("fixes", 0.0)
+        if health.epoch != self.epoch:
+            self.epoch, self.last_fixes = health.epoch, 0.0
+        self.fixes += max(0.0, fixes - self.last_fixes)
+        self.last_fixes, self.last_stamp = fixes, health.stamp
+
+    @property
+    def rate(self) -> float | None:
+        """Fixes per second [Hz]; None until there are two reports."""
+        if self.last_stamp <= self.first_stamp:
+            return None
+        return self.fixes / (self.last_stamp - self.first_stamp)
+
+
+class AgentReports:
+    """What agents have reported since scenario time began.
+
+    Attributes:
+        pose_age: from capture to the estimate that used it [s], each.
+        pose_to_command: from the arrival of a pose to the command that followed [s], each.
+    """
+
+    def __init__(self) -> None:
+        self.pose_age: list[float] = []
+        self.pose_to_command: list[float] = []
+        self._fixes: dict[str, FixCount] = {}
+        self._first_epochs: dict[str, int] = {}
+        self._began = 0.0
+
+    def begin(self, now: float, epochs: dict[str, int]) -> None:
+        """Scenario time begins.
+
+        Args:
+            now: the time [s].
+            epochs: of the processes that have reported already, by name.
+        """
+        self._began, self._first_epochs = now, epochs
+
+    def add(self, name: str, health: Health) -> None:
+        """Take a report.
+
+        Args:
+            name: of the process.
+            health: the report.
+        """
+        count = self._fixes.get(name)
+        if count is None:
+            first_epoch = self._first_epochs.get(name, health.epoch)
+            if first_epoch == health.epoch:
+                # It covers time before the beginning, too, so it only marks where counting begins.
+                self._fixes[name] = FixCount(health.epoch, health.numbers.get("fixes", 0.0), health.stamp)
+                return
+            # The process was restarted after the beginning: all of its report counts.
+            count = self._fixes[name] = FixCount(first_epoch, 0.0, self._began)
+        count.add(health)
+        self.pose_age += health.samples.get("pose_age_s", ())
+        self.pose_to_command += health.samples.get("pose_to_command_s", ())
+
+    def fix_rate(self, name: str) -> float | None:
+        """Accepted fixes per second of scenario time, as far as they were reported [Hz].
+
+        Args:
+            name: of the robot.
+        """
+        count = self._fixes.get(name)
+        return count.rate if count is not None else None
+
+
+@dataclass(slots=True)
+class SimulatorReports:
+    """What the simulator has reported, over all its lives: each begins its counts at zero.
+
+    Attributes:
+        min_separation: smallest distance between two robots' centres [m]; None before the first report of one.
+        scales: the hidden drive errors, by ``scale_v_<robot>`` and ``scale_omega_<robot>``.
+    """
+
+    min_separation: float | None = None
+    scales: dict[str, float] = field(default_factory=dict)
+    _epoch: int | None = None
+    _before: int = 0
+    _now: int = 0
+
+    @property
+    def collisions(self) -> int | None:
+        """Episodes of two robots touching; None before the first report."""
+        return self._before + self._now if self._epoch is not None else None
+
+    def add(self, health: Health) -> None:
+        """Take a report.
+
+        Args:
+            health: the report.
+        """
+        if health.epoch != self._epoch:
+            self._epoch, self._before, self._now = health.epoch, self._before + self._now, 0
+        self._now = int(health.numbers.get("collisions", 0.0))
+        separation = health.numbers.get("min_separation_m")
+        if separation is not None:
+            before = self.min_separation
+            self.min_separation = separation if before is None else min(before, separation)
+        self.scales = {key: value for key, value in health.numbers.items() if key.startswith("scale_")}
