@@ -78,7 +78,8 @@ class SimulatedCamera:
                     self.skipped += 1
                     continue
                 self.captured += 1
-                stamp, due = self._floor.catch_up(), loop.time() + latency
+                stamp = self._floor.catch_up()
+                due = loop.time() + latency - self._floor.behind
                 poses = self._floor.plant.pose.copy()
                 rendering = tasks.create_task(self._take(lens, poses, stamp, due), name="render")
 

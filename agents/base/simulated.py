@@ -41,6 +41,11 @@ class Floor:
         """The robots as they were at the last :meth:`catch_up`."""
         return self._plant
 
+    @property
+    def behind(self) -> float:
+        """How long ago the plant was as it is [s]; after :meth:`catch_up` less than one step, for it moves in steps."""
+        return self._clock.now() - self._time
+
     def catch_up(self) -> float:
         """Move the plant on to now; the time of its state [s since 1970], less than one step ago."""
         behind = self._clock.now() - self._time

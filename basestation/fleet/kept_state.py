@@ -114,7 +114,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Raises:
             OrderRefused: a robot that the settings do not have, no such behaviour, or one that they cannot do.
         """
-        check_names(order.names, scenario)
+        _check_names(order.names, scenario)
         kept = KeptBehaviour(order.behaviour, order.parameters)
         new = self._changed(behaviour={**self.behaviour, **dict.fromkeys(order.names or scenario.robots, kept)})
         new._require_feasible(scenario)
@@ -145,7 +145,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 f"resume: got revision {order.revision}, expected {self.stop_revision}: "
                 "an order came in between; look again, then resume"
             )
-        check_names(order.names, scenario)
+        _check_names(order.names, scenario)
         stopped = {*self.stop_names, *(scenario.robots if self.stop_all else ())}
         return self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
 
@@ -213,16 +213,7 @@ def _has_room(circle: Circle, scenario: Scenario) -> bool:
     return True
 
 
-def check_names(names: Sequence[str], scenario: Scenario) -> None:
-    """Refuse an order to robots that the settings do not have.
-
-    Args:
-        names: of the robots.
-        scenario: the settings.
-
-    Raises:
-        OrderRefused: a robot that the settings do not have.
-    """
+def _check_names(names: Sequence[str], scenario: Scenario) -> None:
     unknown = [name for name in names if name not in scenario.robot]
     if unknown:
         raise OrderRefused(f"robot {', '.join(unknown)}: expected names out of {', '.join(scenario.robots)}")

@@ -1,17 +1,17 @@
 """The kept state of the lab: circle, behaviours and stop, in memory and in a file.
 
 A change of circle or behaviour, and a resume, hold once they are on the disk. A stop holds at once, also where the disk
-is full or hangs; whoever gave it waits for the disk.
+is full or hangs; only its reply waits for the disk.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from basestation.fleet.kept_state import KeptState, check_names
+from basestation.fleet.kept_state import KeptState
 from basestation.fleet.state_file import StateFile
 from muro_zenoh.config import Scenario
 from muro_zenoh.messages import Behaviour, Circle, Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder
@@ -116,7 +116,7 @@ class StateStore:
             order: what is None stays as it is.
 
         Raises:
-            OrderRefused: robots on it would leave the arena.
+            OrderRefused: robots on it would leave the arena, or cannot do there what they do.
             ConfigError: it cannot be written; nothing has changed.
         """
         await self._change(lambda state: state.with_circle(order, self._scenario))
@@ -128,7 +128,7 @@ class StateStore:
             order: the order.
 
         Raises:
-            OrderRefused: a robot that the settings do not have.
+            OrderRefused: a robot that the settings do not have, no such behaviour, or one that they cannot do.
             ConfigError: it cannot be written; nothing has changed.
         """
         await self._change(lambda state: state.with_behaviour(order, self._scenario))
@@ -145,17 +145,6 @@ class StateStore:
         """
         await self._change(lambda state: state.resumed(order, self._scenario))
         self._resumed = self.state.stop_revision
-
-    def check_names(self, names: Sequence[str]) -> None:
-        """Refuse an order to robots that the settings do not have.
-
-        Args:
-            names: of the robots.
-
-        Raises:
-            OrderRefused: there is one.
-        """
-        check_names(names, self._scenario)
 
     # ---- inside
 

@@ -9,19 +9,22 @@ from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.messages import RobotState, RobotStatus
 
 STALE_AFTER = 0.4
-"""A robot not seen for so long is ``stale`` [s] ..."""
+"""A robot not seen for longer than this is ``stale`` [s] ..."""
 
 LOST_AFTER = 2.0
-"""... and for so long ``lost`` [s]. It stays where it was until it is seen again, or cleared by the operator."""
+"""... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
 
 _DISTANCE = 0.25
 _ANGLE = 0.6
+"""An estimate agrees with the fix when it is no farther from it than this [m], [rad], and what it drove since."""
+
 _MOTION_AGE = 0.5
+"""An older estimate is ignored [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What a robot's agent believes: where it is, how fast it goes, and when that came [s]."""
+    """A robot's own estimate: its pose [world], its speeds [m/s, rad/s], and when the estimate was made [s]."""
 
     pose: Pose2
     v: float
@@ -47,7 +50,7 @@ class FleetTable:
         self._motions: dict[str, Motion] = {}
 
     def fix(self, name: str, pose: Pose2, captured: float) -> None:
-        """A camera saw a robot.
+        """Take what a camera saw.
 
         Args:
             name: of the robot.
@@ -59,19 +62,22 @@ class FleetTable:
             self._rows[name] = _Row(pose, captured)
 
     def estimate(self, name: str, motion: Motion) -> None:
-        """What a robot's agent believes.
+        """Take a robot's own estimate.
 
         Args:
             name: of the robot.
-            motion: where it is and how fast it goes.
+            motion: the estimate.
         """
         self._motions[name] = motion
 
     def clear(self, name: str) -> bool:
-        """Forget where a robot was last seen; whether it was known.
+        """Forget where a robot was last seen.
 
         Args:
             name: of the robot.
+
+        Returns:
+            Whether it was known.
         """
         self._motions.pop(name, None)
         return self._rows.pop(name, None) is not None
@@ -103,7 +109,7 @@ class FleetTable:
 def _agree(row: _Row, motion: Motion) -> bool:
     """Whether the estimate, taken back to the fix's time, is where the fix is."""
     since = motion.arrival - row.captured
-    way = abs(motion.v * since)
+    driven = abs(motion.v * since)
     apart = math.hypot(motion.pose.x - row.pose.x, motion.pose.y - row.pose.y)
     turned = abs(wrap_to_pi(motion.pose.theta - row.pose.theta))
-    return apart <= _DISTANCE + way and turned <= _ANGLE + abs(motion.omega * since)
+    return apart <= _DISTANCE + driven and turned <= _ANGLE + abs(motion.omega * since)

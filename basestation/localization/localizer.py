@@ -40,7 +40,7 @@ class _Track:
         return self.marker.moved(*self.step)
 
     def unseen(self) -> _Track:
-        # Something that hides it for a moment does not stop it; after that, nobody knows.
+        # What hides it for a moment does not stop it; after that, its motion is unknown.
         goes_on = self.missed < _COAST
         return _Track(self.expected(), self.step if goes_on else (0.0, 0.0), self.missed + 1)
 
@@ -53,13 +53,13 @@ class Localizer:
     hidden robot does not cost a whole search each time.
 
     A number that is seen at two places (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no
-    sighting at all: nobody can tell which of the two is the robot.
+    sighting at all: which of the two is the robot is unknown.
 
     Attributes:
         unknown_tags: numbers seen in the latest whole picture that no robot has.
         duplicate_tags: numbers that the latest picture shows more than once.
-        misfit_tags: numbers that the latest picture shows as something that is not a square of the tag's size, and the
-            size seen [m]. A wrong ``tag_size``, or not the tag.
+        misfit_tags: numbers seen since the latest whole search as something that is not a square of the tag's size,
+            and the size seen [m]. A wrong ``tag_size``, or not the tag.
         swept: whether the latest picture was searched as a whole.
 
     Args:
@@ -154,7 +154,8 @@ class Localizer:
         self._tracks = tracks
 
     def _sightings(self, markers: list[Marker]) -> list[tuple[Marker, Sighting]]:
-        self.misfit_tags = {}
+        if self.swept:
+            self.misfit_tags = {}
         if not markers:
             return []
         corners = np.stack([marker.corners for marker in markers])

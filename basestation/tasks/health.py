@@ -8,6 +8,7 @@ import math
 from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.positions import PositionsTask
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.errors import TransportError
 from muro_zenoh.messages import Health
 from muro_zenoh.transport import Bus
@@ -50,14 +51,14 @@ class HealthTask:
                 **self._bus.numbers(),
             }
             state = _RUNNING if self._kept.adopted else "starting"
-            self._own.put(Health(role="basestation", state=state, reasons=self._reasons(), numbers=numbers))
+            self._own.put(Health(role=Role.BASESTATION, state=state, reasons=self._reasons(), numbers=numbers))
             await asyncio.sleep(_PERIOD)
 
     def _reasons(self) -> tuple[str, ...]:
         reasons = []
         if self._bus.clock.now() - self._other_seen < _OTHER_GONE:
             reasons.append("another base station is running: end one of them")
-        alive = self._roster.of("agent")
+        alive = self._roster.of(Role.AGENT)
         reasons += [f"no agent of {name}" for name in self._robots if name not in alive]
         for complaints in self._positions.complaints.values():
             reasons += complaints

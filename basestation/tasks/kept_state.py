@@ -9,6 +9,7 @@ from collections.abc import Awaitable
 
 from basestation.fleet.state_store import StateStore
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.transport import Bus
 
@@ -34,8 +35,7 @@ class KeptStateTask:
         store: what is kept.
 
     Attributes:
-        adopted: the robots that are alive have been heard, or were given the time to be; until then nothing is
-            published.
+        adopted: the robots that are alive have reported, or had the time to; until then nothing is published.
     """
 
     def __init__(self, bus: Bus, store: StateStore) -> None:
@@ -46,7 +46,7 @@ class KeptStateTask:
         self._behaviours = {name: bus.publisher(channels.BEHAVIOUR, name) for name in store.robots}
         self._healths = bus.every(channels.HEALTH, "*", depth=256)
         self._roster = bus.roster()
-        self._heard: set[str] = set()
+        self._reported: set[str] = set()
 
     async def run(self) -> None:
         """Adopt first, then publish for ever."""
@@ -55,7 +55,7 @@ class KeptStateTask:
             await asyncio.sleep(_SHORTEST_ADOPTION)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LONGEST_ADOPTION - _SHORTEST_ADOPTION):
-                    while not self._roster.of("agent") <= self._heard:  # noqa: ASYNC110 - a roster and a mailbox at once
+                    while not self._roster.of(Role.AGENT) <= self._reported:  # noqa: ASYNC110 - a roster and a mailbox at once
                         await asyncio.sleep(_CHECK_PERIOD)
             self.adopted = True
             while True:
@@ -75,10 +75,10 @@ class KeptStateTask:
         """Listen to what the robots latched: a stop that this process never received is kept from now on."""
         async for received in self._healths:
             health = received.message
-            if health.role != "agent":
+            if health.role != Role.AGENT:
                 continue
             saved = self._store.adopt(received.name, health)
-            self._heard.add(received.name)
+            self._reported.add(received.name)
             if saved is not None:
                 log.warning("adopted the stop state of %s: %s", received.name, self._store.stop)
                 self.publish()

@@ -78,13 +78,8 @@ class OrdersTask:
         self._kept.publish()
 
     async def _set_behaviour(self, order: SetBehaviour) -> None:
-        self._check_behaviour(order)
         await self._store.set_behaviour(order)
         self._kept.publish()
-
-    def _check_behaviour(self, order: SetBehaviour) -> None:
-        """Refuse what must not be kept, before it is."""
-        self._store.check_names(order.names)
 
     async def _clear(self, order: Clear) -> None:
         if not self._positions.clear(order.name):

@@ -131,7 +131,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     width: Annotated[int, _PIXELS] = 1280
     height: Annotated[int, _PIXELS] = 720
     rate: Annotated[float, Quantity("Hz", above=0.0, at_most=240.0)] = 20.0
-    latency: Duration = 0.055
+    latency: Duration = 0.05
     family: str = "DICT_4X4_50"
     pixels: Annotated[tuple[Pixel, ...], Meta(min_length=4)] | None = None
     metres: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None

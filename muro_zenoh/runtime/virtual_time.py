@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import selectors
-from collections.abc import Coroutine
-from typing import Any, TypeVar
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Executor, Future
+from typing import Any, ParamSpec, TypeVar
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 class _JumpingSelector(selectors.DefaultSelector):
@@ -58,6 +60,28 @@ class VirtualClock:
     def now(self) -> float:
         """Seconds since 1970, as if the loop had started in November 2023."""
         return 1.7e9 + self._loop.time()
+
+
+class InlineExecutor(Executor):
+    """Stands in for a pool of threads: what is submitted is done at once, and takes no virtual time."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Call a function now.
+
+        Args:
+            fn: the function.
+            args: passed on.
+            kwargs: passed on.
+
+        Returns:
+            Done, with the function's result or what it raised.
+        """
+        done: Future[T] = Future()
+        try:
+            done.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            done.set_exception(error)
+        return done
 
 
 def run_virtually(main: Coroutine[Any, Any, T]) -> T:

@@ -14,12 +14,13 @@ from agents.agent import Agent
 from agents.base.run import run_base_process
 from agents.simulator import Room
 from basestation.station import Station
+from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Clear
-from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.transport import MemoryNetwork, make_bus
 
 LAB = parse_scenario(
@@ -45,13 +46,14 @@ def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> Non
         async with AsyncExitStack() as stack:
             buses = [await stack.enter_async_context(make_bus(network.link(), clock=clock)) for _ in range(5)]
             room = Room(buses[0], LAB, seed=3, off_loop=at_once)
-            mains = [room.run(), Station(buses[1], LAB, None).run()]
+            station = Station(buses[1], LAB, None, cameras_on_bus(buses[1], LAB, InlineExecutor()))
+            mains = [room.run(), station.run()]
             for bus, name in zip(buses[2:4], LAB.robots, strict=True):
                 mains.append(Agent(bus, LAB, name).run())
                 bus.announce(Role.AGENT, name)
-            looking = buses[4]
-            fixes = looking.every(channels.POSE, "*", depth=4096)
-            snapshots = looking.latest(channels.ALL_POSITIONS)
+            observer = buses[4]
+            fixes = observer.every(channels.POSE, "*", depth=4096)
+            snapshots = observer.latest(channels.ALL_POSITIONS)
             tasks = [asyncio.create_task(main) for main in mains]
             try:
                 await asyncio.sleep(14.0)
@@ -64,11 +66,15 @@ def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> Non
                 for name in LAB.robots:
                     assert sum(fix.name == name for fix in got) > 0.95 * 14 * 20
                 assert {fix.message.camera for fix in got} == {"north"}
+                # One clock for all: a frame arrives after the simulated latency, and is searched in no time.
+                assert {round(fix.message.age, 3) for fix in got} == {LAB.simulation.camera_latency}
+                shown = [fix.message.stamp - fix.message.age for fix in got]  # captured: on the plant's steps of 10 ms
+                assert max(abs(t * 100 - round(t * 100)) for t in shown) < 0.1
                 said = snapshots.get()
                 assert said is not None
                 assert [(r.name, r.state) for r in said.message.robots] == [("r1", "tracking"), ("r2", "tracking")]
                 assert [r.v for r in said.message.robots] == pytest.approx([0.2, 0.2], abs=0.03)
-                assert (await looking.ask(channels.CLEAR, Clear(name="r1"))).accepted
+                assert (await observer.ask(channels.CLEAR, Clear(name="r1"))).accepted
             finally:
                 for task in tasks:
                     task.cancel()

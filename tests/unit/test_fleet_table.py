@@ -30,19 +30,19 @@ def table() -> FleetTable:
     return table
 
 
-def test_nobody_is_in_it_before_a_camera_saw_one() -> None:
+def test_a_robot_that_no_camera_saw_is_not_in_it() -> None:
     table = FleetTable()
     table.estimate("r1", moving(1.0))
     assert table.snapshot(1.0) == ()
 
 
-def test_robots_come_by_name(table: FleetTable) -> None:
+def test_robots_are_sorted_by_name(table: FleetTable) -> None:
     for name in ("r3", "r10", "r2"):
         table.fix(name, HERE, 10.0)
     assert [state.name for state in table.snapshot(10.0)] == ["r1", "r10", "r2", "r3"]
 
 
-def test_place_and_age_are_the_newest_fixs(table: FleetTable) -> None:
+def test_pose_and_age_are_those_of_the_newest_fix(table: FleetTable) -> None:
     table.fix("r1", Pose2(2.0, -1.0, 3.0), 10.1)
     state = row(table, 10.25)
     assert (state.x, state.y, state.theta) == (2.0, -1.0, 3.0)
@@ -69,7 +69,7 @@ def test_an_age_is_never_negative(table: FleetTable) -> None:
         (3600.0, "lost"),
     ],
 )
-def test_who_is_not_seen_turns_stale_then_lost_and_stays_where_it_was(
+def test_a_robot_out_of_sight_turns_stale_then_lost_and_stays_where_it_was(
     table: FleetTable, age: float, state: str
 ) -> None:
     seen = row(table, 10.0 + age)
@@ -91,7 +91,7 @@ def test_a_lost_robot_has_no_speed_however_fresh_its_estimates(table: FleetTable
     assert (state.state, state.v, state.omega) == ("lost", 0.0, 0.0)
 
 
-def test_an_old_estimate_counts_for_nothing(table: FleetTable) -> None:
+def test_an_old_estimate_is_ignored(table: FleetTable) -> None:
     table.estimate("r1", moving(9.4, Pose2(-2.0, 0.0, 0.0)))
     state = row(table, 10.0)
     assert (state.state, state.v) == ("tracking", 0.0)
@@ -113,7 +113,7 @@ def test_headings_on_both_sides_of_pi_agree(table: FleetTable) -> None:
     assert row(table, 10.05).state == "tracking"
 
 
-def test_a_fast_robot_may_be_further_on_than_its_fix(table: FleetTable) -> None:
+def test_a_fast_robot_may_be_ahead_of_its_fix(table: FleetTable) -> None:
     table.estimate("r1", moving(10.3, Pose2(1.35, 0.5, 0.2), v=0.5))
     assert row(table, 10.3).state == "tracking"
 
@@ -124,10 +124,10 @@ def test_it_is_found_again_where_it_is_seen(table: FleetTable) -> None:
     assert row(table, 13.1).state == "tracking"
 
 
-def test_who_is_cleared_is_gone_until_it_is_seen_again(table: FleetTable) -> None:
+def test_a_cleared_robot_is_gone_until_it_is_seen_again(table: FleetTable) -> None:
     table.estimate("r1", moving(10.0))
     assert table.clear("r1")
     assert table.snapshot(10.1) == ()
     assert not table.clear("r1")
     table.fix("r1", HERE, 10.2)
-    assert row(table, 10.2).v == 0.0  # what its agent believed was forgotten too
+    assert row(table, 10.2).v == 0.0  # its estimate was forgotten, too

@@ -21,7 +21,7 @@ TAGS = {mount.id: (f"r{mount.id}", mount) for mount in MOUNTS}
 
 
 class DrawnMarkers:
-    """Stands in for the detector: gives the markers it is told, and counts what it is asked for."""
+    """Stands in for the detector: returns the given markers, and counts the calls."""
 
     family = "DICT_4X4_50"
 
@@ -166,22 +166,22 @@ class TestCovariance:
             detector.markers = [Marker(1, clean.corners + rng.normal(0.0, 0.4, (4, 2)))]
             (sighting,) = finder.locate(BLANK)
             off.append(errors(sighting, np.array(pose)))
-        said = np.reshape(sighting.covariance, (3, 3))
-        spread = np.sqrt(np.diag(said))
+        stated = np.reshape(sighting.covariance, (3, 3))
+        spread = np.sqrt(np.diag(stated))
         measured = np.cov(np.transpose(off))
-        assert said == pytest.approx(said.T)
-        assert measured / np.outer(spread, spread) == pytest.approx(said / np.outer(spread, spread), abs=0.08)
+        assert stated == pytest.approx(stated.T)
+        assert measured / np.outer(spread, spread) == pytest.approx(stated / np.outer(spread, spread), abs=0.08)
 
 
 class TestWhatIsNoRobot:
-    def test_a_tag_that_no_robot_has_is_told(self) -> None:
+    def test_a_tag_that_no_robot_has_is_reported(self) -> None:
         detector = DrawnMarkers()
         detector.markers = [drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1, 0, 0), MOUNTS[3], tag=44)]
         finder = localizer(detector)
         assert [sighting.name for sighting in finder.locate(BLANK)] == ["r2"]
         assert finder.unknown_tags == {44}
 
-    def test_two_robots_with_one_tag_are_told_and_neither_is_believed(self) -> None:
+    def test_two_robots_with_one_tag_are_reported_and_give_no_sighting(self) -> None:
         detector = DrawnMarkers()
         one, other = drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1, 0, 0), MOUNTS[2])
         finder = localizer(detector)
@@ -269,7 +269,7 @@ class TestSearch:
             detector.markers = [] if 5 <= k < 8 else [marker.moved(10.0 * k, 0.0)]
             assert len(finder.locate(BLANK)) == len(detector.markers)
 
-    def test_nobody_at_first_then_somebody(self) -> None:
+    def test_an_empty_floor_then_a_robot(self) -> None:
         detector = DrawnMarkers()
         finder = localizer(detector, search_every=3)
         assert finder.locate(BLANK) == []

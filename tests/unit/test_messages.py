@@ -78,8 +78,8 @@ def strategy_of(field: msgspec.structs.FieldInfo) -> st.SearchStrategy[Any]:
 
 def _from_info(info: msgspec.inspect.Type) -> st.SearchStrategy[Any]:
     match info:
-        case msgspec.inspect.FloatType(gt=gt):
-            return st.floats(1e-3 if gt is not None else -1e9, 1e9)
+        case msgspec.inspect.FloatType(ge=ge, gt=gt):
+            return st.floats(ge if ge is not None else 1e-3 if gt is not None else -1e9, 1e9)
         case msgspec.inspect.IntType(ge=ge, gt=gt, le=le):
             low = ge if ge is not None else gt + 1 if gt is not None else -(2**40)
             return st.integers(low, le if le is not None else 2**48)

@@ -1,32 +1,42 @@
-"""The base station's tasks on the in-memory bus, in virtual time: orders, kept state, snapshots, liveness."""
+"""The base station on the in-memory bus: orders, kept state, snapshots, liveness."""
 
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
-import numpy as np
 import pytest
 
+from basestation.fleet.state_store import StateStore
+from basestation.localization.localizer import Localizer
 from basestation.station import Station
+from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.errors import ConfigError, TransportError
-from muro_zenoh.messages import Clear, Estimate, Frame, Health, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.errors import TransportError
+from muro_zenoh.messages import Clear, Estimate, Frame, Health, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
-from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
+from tests.support.waiting import seconds, within
+
+T = TypeVar("T", bound=Message)
 
 LAB = parse_scenario({"robots": 2, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
+SEEN = parse_scenario({"robots": 2, "camera": {"north": {}}}, "lab.toml", name="lab")
+BLANK = bytes(1280 * 720)
 
 
 @dataclass
 class Lab:
-    """A network, whoever is on it, and a bus of the test's own."""
+    """A network, and the test's own bus on it."""
 
     network: MemoryNetwork
     stack: AsyncExitStack
@@ -35,8 +45,12 @@ class Lab:
     async def join(self) -> Bus:
         return await self.stack.enter_async_context(make_bus(self.network.link(), clock=self.bus.clock))
 
+    async def ask(self, verb: channels.Verb[T], order: T) -> Reply:
+        """The answer to an order, however long it takes."""
+        return await self.bus.ask(verb, order, timeout=seconds(30))
+
     async def agent(self, name: str, **stop: object) -> Bus:
-        """An agent that is alive and has said its health."""
+        """An agent that is alive and has reported its health."""
         bus = await self.join()
         bus.announce(Role.AGENT, name)
         health = Health(role="agent", state="x", **stop)  # type: ignore[arg-type]
@@ -45,18 +59,24 @@ class Lab:
 
 
 @asynccontextmanager
-async def lab() -> AsyncIterator[Lab]:
+async def lab(clock: Clock | None = None) -> AsyncIterator[Lab]:
+    """In virtual time."""
     network = MemoryNetwork()
     async with AsyncExitStack() as stack:
-        bus = await stack.enter_async_context(make_bus(network.link(), clock=VirtualClock()))
+        bus = await stack.enter_async_context(make_bus(network.link(), clock=clock or VirtualClock()))
         yield Lab(network, stack, bus)
+
+
+def real_lab() -> AbstractAsyncContextManager[Lab]:
+    """In real time, for what runs in threads."""
+    return lab(SystemClock())
 
 
 @asynccontextmanager
 async def station(there: Lab, state: Path | None = None) -> AsyncIterator[None]:
     """A base station that runs."""
     async with make_bus(there.network.link(), clock=there.bus.clock) as bus:
-        task = asyncio.create_task(Station(bus, LAB, state).run())
+        task = asyncio.create_task(Station(bus, LAB, state, []).run())
         try:
             yield
         finally:
@@ -64,7 +84,7 @@ async def station(there: Lab, state: Path | None = None) -> AsyncIterator[None]:
             await asyncio.wait({task})
 
 
-def test_what_it_keeps_goes_out_twice_a_second() -> None:
+def test_the_kept_state_is_published_twice_a_second() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             stops = there.bus.every(channels.STOP)
@@ -88,14 +108,14 @@ def test_orders_are_answered_and_published_at_once() -> None:
             assert (await ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold", names=("r2",)))).accepted
             assert (await ask(channels.STOP_ORDER, Stop(names=("r1",)))).accepted
             await asyncio.sleep(0.001)
-            said = stop.get()
-            assert said is not None
-            assert said.message.names == ("r1",)
+            newest = stop.get()
+            assert newest is not None
+            assert newest.message.names == ("r1",)
             got = circle.get()
             assert got is not None
             assert got.message.radius == 0.6
             assert behaviour.values()["r2"].message.behaviour == "hold"
-            assert (await ask(channels.RESUME, Resume(revision=said.message.revision))).accepted
+            assert (await ask(channels.RESUME, Resume(revision=newest.message.revision))).accepted
             refused = await ask(channels.SET_CIRCLE, SetCircle(radius=5.0))
             assert (refused.accepted, "inside the arena" in refused.reason) == (False, True)
             refused = await ask(channels.CLEAR, Clear(name="r1"))
@@ -104,10 +124,10 @@ def test_orders_are_answered_and_published_at_once() -> None:
     run_virtually(main())
 
 
-def test_nothing_is_lifted_before_the_robots_were_heard() -> None:
+def test_a_resume_is_refused_until_the_robots_have_reported() -> None:
     async def main() -> None:
         async with lab() as there:
-            (await there.join()).announce(Role.AGENT, "r1")  # alive, and has not said yet what it latched
+            (await there.join()).announce(Role.AGENT, "r1")  # alive, and has not yet reported what it latched
             async with station(there):
                 await asyncio.sleep(0.3)
                 refused = await there.bus.ask(channels.RESUME, Resume(revision=9))
@@ -124,16 +144,16 @@ def test_of_two_base_stations_the_second_leaves() -> None:
             health = there.bus.latest(channels.HEALTH, "basestation")
             await asyncio.sleep(2.5)
             stops = there.bus.every(channels.STOP)
-            second = asyncio.create_task(Station(await there.join(), LAB, None).run())
+            second = asyncio.create_task(Station(await there.join(), LAB, None, []).run())
             await asyncio.wait({second}, timeout=0.5)
             with pytest.raises(ExceptionGroup) as caught:
                 await second
             assert caught.group_contains(TransportError, match="expected to be the only one")
             await asyncio.sleep(1.1)
             assert len({received.message.epoch for received in stops.drain()}) == 1
-            said = health.get()
-            assert said is not None
-            assert "another base station is running: end one of them" in said.message.reasons
+            newest = health.get()
+            assert newest is not None
+            assert "another base station is running: end one of them" in newest.message.reasons
 
     run_virtually(main())
 
@@ -141,7 +161,7 @@ def test_of_two_base_stations_the_second_leaves() -> None:
 def test_of_two_base_stations_that_start_together_one_stays() -> None:
     async def main() -> None:
         async with lab() as there:
-            both = [asyncio.create_task(Station(await there.join(), LAB, None).run()) for _ in range(2)]
+            both = [asyncio.create_task(Station(await there.join(), LAB, None, []).run()) for _ in range(2)]
             await asyncio.sleep(2.0)
             assert sorted(task.done() for task in both) == [False, True]
             for task in both:
@@ -153,33 +173,33 @@ def test_of_two_base_stations_that_start_together_one_stays() -> None:
 
 
 def test_the_stop_state_waits_for_the_robots_that_are_alive() -> None:
-    """Whoever latched a stop while no base station ran must not hear of an older state, and nobody else neither."""
+    """No robot may receive a state older than the stop that one latched while no base station ran."""
 
     async def main() -> None:
         async with lab() as there:
             first = await there.agent("r1", stop_latched=True, stop_all=True, stop_revision=1)
             second = await there.join()
-            second.announce(Role.AGENT, "r2")  # alive, and slow to say how it is
+            second.announce(Role.AGENT, "r2")  # alive, and slow to report
             stops = there.bus.every(channels.STOP)
             async with station(there):
                 await asyncio.sleep(0.8)
                 assert stops.drain() == []
                 second.publisher(channels.HEALTH, "r2").put(Health(role="agent", state="x"))
                 await asyncio.sleep(0.6)
-                said = [received.message for received in stops.drain()]
-                assert said
-                assert all(message.all for message in said)
-                assert all(message.revision > 1 for message in said)
+                newest = [received.message for received in stops.drain()]
+                assert newest
+                assert all(message.all for message in newest)
+                assert all(message.revision > 1 for message in newest)
             await first.close()
 
     run_virtually(main())
 
 
-def test_a_robot_that_says_nothing_is_not_waited_for_for_ever() -> None:
+def test_a_silent_robot_is_not_waited_for_for_ever() -> None:
     async def main() -> None:
         async with lab() as there:
-            mute = await there.join()
-            mute.announce(Role.AGENT, "r1")
+            silent = await there.join()
+            silent.announce(Role.AGENT, "r1")
             stops = there.bus.every(channels.STOP)
             async with station(there):
                 await asyncio.sleep(1.0)
@@ -190,7 +210,7 @@ def test_a_robot_that_says_nothing_is_not_waited_for_for_ever() -> None:
     run_virtually(main())
 
 
-def test_a_stop_that_a_robot_latched_is_taken_over_at_any_time() -> None:
+def test_a_stop_that_a_robot_latched_is_adopted_at_any_time() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             stop = there.bus.latest(channels.STOP)
@@ -208,21 +228,21 @@ def test_a_stop_that_a_robot_latched_is_taken_over_at_any_time() -> None:
     run_virtually(main())
 
 
-def test_the_health_of_others_stops_nobody() -> None:
+def test_only_the_health_of_agents_is_adopted() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             stop = there.bus.latest(channels.STOP)
             health = Health(role="simulator", state="x", stop_latched=True, stop_all=True, stop_revision=9)
             there.bus.publisher(channels.HEALTH, "simulator").put(health)
             await asyncio.sleep(1.0)
-            said = stop.get()
-            assert said is not None
-            assert not said.message.all
+            newest = stop.get()
+            assert newest is not None
+            assert not newest.message.all
 
     run_virtually(main())
 
 
-def test_positions_go_out_without_a_camera_and_say_that_nobody_is_seen() -> None:
+def test_positions_are_published_without_a_camera_and_are_empty() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             agent = await there.agent("r1")
@@ -231,92 +251,141 @@ def test_positions_go_out_without_a_camera_and_say_that_nobody_is_seen() -> None
             )
             snapshots = there.bus.every(channels.ALL_POSITIONS)
             await asyncio.sleep(2.0)
-            heard = snapshots.drain()
-            assert 8 <= len(heard) <= 12  # 5 Hz at least
-            assert all(received.message.robots == () for received in heard)
+            received = snapshots.drain()
+            assert 8 <= len(received) <= 12  # 5 Hz at least
+            assert all(snapshot.message.robots == () for snapshot in received)
 
     run_virtually(main())
 
 
-def test_it_says_whose_agent_is_missing() -> None:
+def test_health_names_the_missing_agents() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             health = there.bus.latest(channels.HEALTH, "basestation")
             agent = await there.agent("r1")
             await asyncio.sleep(1.5)
-            said = health.get()
-            assert said is not None
-            assert said.message.reasons == ("no agent of r2",)
+            newest = health.get()
+            assert newest is not None
+            assert newest.message.reasons == ("no agent of r2",)
             await agent.close()
             await asyncio.sleep(1.5)
-            said = health.get()
-            assert said is not None
-            assert said.message.reasons == ("no agent of r1", "no agent of r2")
+            newest = health.get()
+            assert newest is not None
+            assert newest.message.reasons == ("no agent of r1", "no agent of r2")
 
     run_virtually(main())
 
 
-def test_a_full_disk_refuses_an_order_with_the_reason_and_stops_all_the_same(
+async def test_a_full_disk_refuses_an_order_with_the_reason_and_stops_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(fd: int) -> None:
         raise OSError(28, "No space left on device")
 
-    async def main() -> None:
-        async with lab() as there, station(there, tmp_path / "state.json"):
-            stop = there.bus.latest(channels.STOP)
-            await asyncio.sleep(1.0)
-            monkeypatch.setattr("os.fsync", full)
-            refused = await there.bus.ask(channels.SET_CIRCLE, SetCircle(radius=0.6))
-            assert (refused.accepted, "No space left on device" in refused.reason) == (False, True)
-            refused = await there.bus.ask(channels.STOP_ORDER, Stop(names=("r1",)))
-            assert not refused.accepted
-            await there.agent("r2", stop_latched=True, stop_revision=99)
-            await asyncio.sleep(0.6)
-            said = stop.get()
-            assert said is not None
-            assert said.message.names == ("r1", "r2")
-            # ... and it goes on.
-            assert (await there.bus.ask(channels.CLEAR, Clear(name="r2"))).reason == "robot r2 was never seen"
-
-    run_virtually(main())
+    async with real_lab() as there, station(there, tmp_path / "state.json"):
+        stop = there.bus.latest(channels.STOP)
+        await within(5, stop.next(), "the stop state")
+        monkeypatch.setattr("os.fsync", full)
+        refused = await there.ask(channels.SET_CIRCLE, SetCircle(radius=0.6))
+        assert (refused.accepted, "No space left on device" in refused.reason) == (False, True)
+        refused = await there.ask(channels.STOP_ORDER, Stop(names=("r1",)))
+        assert not refused.accepted
+        await there.agent("r2", stop_latched=True, stop_revision=99)
+        async with asyncio.timeout(seconds(5)):
+            async for received in stop:
+                if received.message.names == ("r1", "r2"):
+                    break
+        # ... and it goes on.
+        assert (await there.ask(channels.CLEAR, Clear(name="r2"))).reason == "robot r2 was never seen"
 
 
-def test_a_camera_that_is_stuck_tells_no_places(caplog: pytest.LogCaptureFixture) -> None:
-    lab_seen = parse_scenario({"robots": 1, "camera": {"north": {}}}, "lab.toml", name="lab")
-    camera = OverheadCamera.from_views(1280, 720, lab_seen.camera["north"].views(lab_seen.arena), noise=3.0)
-    robot = lab_seen.robot["r1"]
-    rng = np.random.default_rng(1)
+class Hanging:
+    """A call that begins and does not return until it is released."""
 
-    def picture() -> Frame:
-        grey = camera.render(np.array([[0.3, 0.1, 0.2]]), [robot.mount], [robot.radius], rng)
-        return Frame(width=1280, height=720, format="grey", data=grey.tobytes())
+    def __init__(self) -> None:
+        self.begun = threading.Event()
+        self.released = threading.Event()
 
-    async def main() -> None:
-        async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
-            task = asyncio.create_task(Station(bus, lab_seen, None).run())
-            fixes = there.bus.every(channels.POSE, "r1")
-            frames = there.bus.publisher(channels.CAMERA, "north")
-            await asyncio.sleep(0.1)
-            stuck = picture()
-            for frame in (stuck, stuck, stuck, picture(), stuck):
-                frames.put(frame)
-                await asyncio.sleep(0.05)
-            assert len(fixes.drain()) == 3  # the first, the new one, and one that is not like the one before
-            assert [r.message for r in caplog.records if "is the camera stuck?" in r.message] != []
+    def __call__(self, *_: object) -> list[Any]:
+        self.begun.set()
+        assert self.released.wait(seconds(30))
+        return []
+
+    async def begins(self) -> None:
+        """Wait for the call."""
+        assert await asyncio.to_thread(self.begun.wait, seconds(10))
+
+
+async def test_a_stop_does_not_wait_for_a_detection(monkeypatch: pytest.MonkeyPatch) -> None:
+    detection = Hanging()
+    monkeypatch.setattr(Localizer, "locate", detection)
+    with ThreadPoolExecutor(1) as threads:
+        async with real_lab() as there, make_bus(there.network.link()) as bus:
+            task = asyncio.create_task(Station(bus, SEEN, None, cameras_on_bus(bus, SEEN, threads)).run())
+            stop, snapshots = there.bus.latest(channels.STOP), there.bus.every(channels.ALL_POSITIONS)
+            await within(5, stop.next(), "the stop state")
+            there.bus.publisher(channels.CAMERA, "north").put(Frame(width=1280, height=720, format="grey", data=BLANK))
+            await detection.begins()
+            assert (await there.ask(channels.STOP_ORDER, Stop())).accepted
+            assert (await within(5, stop.next(), "the stop")).message.all
+            snapshots.drain()
+            await within(5, snapshots.next(), "the table goes on, too")
+            assert not detection.released.is_set()
+            detection.released.set()
             task.cancel()
             await asyncio.wait({task})
 
-    run_virtually(main())
+
+async def test_a_stop_does_not_wait_for_another_orders_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Hanging()
+    path = tmp_path / "state.json"
+    async with real_lab() as there, station(there, path):
+        stop, circle = there.bus.latest(channels.STOP), there.bus.latest(channels.CIRCLE)
+        await within(5, stop.next(), "the stop state")
+        monkeypatch.setattr("os.fsync", lambda fd: None if disk.begun.is_set() else disk())
+        changing = asyncio.create_task(there.ask(channels.SET_CIRCLE, SetCircle(radius=0.6)))
+        await disk.begins()
+        assert (await there.ask(channels.STOP_ORDER, Stop())).accepted
+        assert (await within(5, stop.next(), "the stop")).message.all
+        assert StateStore(LAB, path).stop.all
+        assert not changing.done()
+        newest = circle.get()
+        assert newest is not None
+        assert newest.message.radius == 0.8, "nothing holds before it is on the disk"
+
+        disk.released.set()
+        assert (await changing).accepted
+        kept = StateStore(LAB, path)
+        assert (kept.stop.all, kept.circle.radius) == (True, 0.6)
 
 
-def test_a_camera_with_tags_of_no_family_is_a_wrong_setting() -> None:
-    table = {"robots": 1, "camera": {"north": {"family": "DICT_9X9_9"}}}
-    wrong = parse_scenario(table, "lab.toml", name="lab")
+async def test_a_stop_is_published_before_the_disk_has_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Hanging()
+    async with real_lab() as there, station(there, tmp_path / "state.json"):
+        stop = there.bus.latest(channels.STOP)
+        await within(5, stop.next(), "the stop state")
+        monkeypatch.setattr("os.fsync", disk)
+        stopping = asyncio.create_task(there.ask(channels.STOP_ORDER, Stop(names=("r2",))))
+        await disk.begins()
+        assert (await within(5, stop.next(), "the stop")).message.names == ("r2",)
+        assert not stopping.done(), "it is accepted when it is on the disk"
+        disk.released.set()
+        assert (await stopping).accepted
+        assert StateStore(LAB, tmp_path / "state.json").stop.names == ("r2",)
 
-    async def main() -> None:
-        async with lab() as there:
-            with pytest.raises(ConfigError, match=r"camera\.north\.family: got 'DICT_9X9_9'"):
-                Station(there.bus, wrong, None)
 
-    run_virtually(main())
+async def test_a_resume_that_a_stop_overtakes_lifts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Hanging()
+    path = tmp_path / "state.json"
+    async with real_lab() as there, station(there, path):
+        stop = there.bus.latest(channels.STOP)
+        await within(5, stop.next(), "the stop state")
+        revision = (await there.ask(channels.STOP_ORDER, Stop(names=("r1",)))).revision
+        monkeypatch.setattr("os.fsync", lambda fd: None if disk.begun.is_set() else disk())
+        resuming = asyncio.create_task(there.ask(channels.RESUME, Resume(revision=revision)))
+        await disk.begins()
+        assert (await there.ask(channels.STOP_ORDER, Stop(names=("r2",)))).accepted
+        disk.released.set()
+        refused = await resuming
+        assert (refused.accepted, "an order came in between" in refused.reason) == (False, True)
+        assert StateStore(LAB, path).stop.names == ("r1", "r2")
