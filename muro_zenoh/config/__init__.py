@@ -6,7 +6,7 @@ says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulatio
 the default.
 """
 
-from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
+from muro_zenoh.config.scenario import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
     BehaviourSettings,
     BusSettings,
