@@ -10,8 +10,7 @@ from agents.robot import Robot
 from agents.tasks.dubins import DubinsParameters, drive_to_goals
 from muro_zenoh import channels
 from muro_zenoh.messages import FleetSnapshot
-from muro_zenoh.planning.coverage import Density, Peaks, Point, cell, lloyd_goal
-from muro_zenoh.planning.rounds import Round, next_round
+from muro_zenoh.planning.coverage import Density, Peaks, Point, Round, cell, lloyd_goal, next_round
 from muro_zenoh.quantities import NotNegative, Positive
 
 _STALE = channels.ALL_POSITIONS.stale_after or 0.0

@@ -11,10 +11,9 @@ from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import STILL, Bounds, Pose2, Twist2
-from muro_zenoh.planning.coverage import Density, lloyd_goal
+from muro_zenoh.planning.coverage import Density, Round, lloyd_goal, next_round
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.path import Path
-from muro_zenoh.planning.rounds import Round, next_round
 from muro_zenoh.simulation.rollout.fleet import Fleet, Seen
 from muro_zenoh.simulation.rollout.settings import LoopSettings
 
