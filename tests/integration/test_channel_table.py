@@ -15,15 +15,15 @@ from agents.simulator import Room
 from basestation.station import Station
 from muro_zenoh import channels
 from muro_zenoh.channels import CHANNELS, Party, Priority, Role
-from muro_zenoh.cli.goal_order import send_goal
-from muro_zenoh.cli.stopping import send_resume, send_stop
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.messages import SetBehaviour
+from muro_zenoh.messages import Goal, SetBehaviour
+from muro_zenoh.orders.goal import send_goal
+from muro_zenoh.orders.stop import resume_robots, stop_robots
+from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from muro_zenoh.transport.link import Closable, FileSample, LinkPublisher
 from muro_zenoh.transport.memory_link import MemoryLink
-from tests.support.virtual_time import VirtualClock, run_virtually
 
 pytest.importorskip("shapely", reason="shapely is not installed: no behaviour coverage")
 
@@ -97,10 +97,10 @@ class Fleet:
                     order = SetBehaviour(behaviour=behaviour, names=(name,))
                     assert (await operator.ask(channels.SET_BEHAVIOUR, order)).accepted
                 await asyncio.sleep(1.0)
-                assert await send_goal(operator, "r1", 0.5, 0.0, None) == 0
+                assert (await send_goal(operator, "r1", Goal(x=0.5, y=0.0))).accepted
                 await asyncio.sleep(1.0)
-                await send_stop(operator, ())
-                await send_resume(operator, ())
+                await stop_robots(operator, ())
+                await resume_robots(operator, ())
                 assert not any(task.done() for task in tasks), tasks
             finally:
                 for task in tasks:

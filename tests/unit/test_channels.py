@@ -58,7 +58,7 @@ def test_a_token_says_who(realm: str, role: str, name: str) -> None:
 @given(realm=realms, name=names)
 def test_no_two_keys_are_the_same(realm: str, name: str) -> None:
     keys = [key_of(realm, c, name if c.named else "") for c in CHANNELS]
-    keys += [verb_key(realm, v) for v in VERBS] + [alive_key(realm, "agent", name)]
+    keys += [verb_key(realm, v, name if v.named else "") for v in VERBS] + [alive_key(realm, "agent", name)]
     assert len(set(keys)) == len(keys)
 
 
