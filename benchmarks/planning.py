@@ -20,7 +20,6 @@ import shapely
 from muro_zenoh.geometry import Bounds, Pose2
 from muro_zenoh.planning.coverage import Point, cell, cells
 from muro_zenoh.planning.dubins import all_words, plan, shortest_word
-from muro_zenoh.planning.voronoi import voronoi_cells
 
 RADIUS = 0.3
 PAIRS = 2000
@@ -92,7 +91,6 @@ def cell_rows(robots: int) -> list[dict[str, Any]]:
             reference: lambda: [
                 shapely.voronoi_polygons(shapely.MultiPoint(sites), extend_to=box, ordered=True) for sites in rings
             ],
-            "voronoi_cells (shapely, clipped)": lambda: [voronoi_cells(sites, ARENA) for sites in rings],
             "cells (half-planes)": lambda: [cells(sites, ARENA) for sites in rings],
             "cell (half-planes, one robot's own)": lambda: [cell(0, sites, ARENA) for sites in rings],
         },

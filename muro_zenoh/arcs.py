@@ -56,5 +56,6 @@ def advance(pose: Pose2, v: float, omega: float, dt: float) -> Pose2:
         omega: turning rate [rad/s].
         dt: for how long [s]; below 0 for where it was.
     """
-    x, y, theta = carry(*pose, v, omega, dt)
-    return Pose2(x, y, wrap_to_pi(theta))
+    half = 0.5 * dt * omega
+    reach, cos, sin = chord(pose.theta, dt * v, half)
+    return Pose2(pose.x + reach * cos, pose.y + reach * sin, wrap_to_pi(pose.theta + 2.0 * half))

@@ -35,10 +35,6 @@ class Pose2(NamedTuple):
         c, s = math.cos(self.theta), math.sin(self.theta)
         return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_to_pi(-self.theta))
 
-    def distance_to(self, other: Pose2) -> float:
-        """Distance between this place and that of ``other`` [m]."""
-        return math.hypot(other.x - self.x, other.y - self.y)
-
 
 class Twist2(NamedTuple):
     """A planar velocity in the body frame: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise."""

@@ -21,10 +21,9 @@ from muro_zenoh.behaviours.interface import (
     is_visible,
 )
 from muro_zenoh.errors import ParameterError
-from muro_zenoh.planning.coverage import Density, Peaks, Point, cell, lloyd_goal
+from muro_zenoh.planning.coverage import Density, Peaks, Point, Round, cell, lloyd_goal, next_round
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
-from muro_zenoh.planning.rounds import Round, next_round
 from muro_zenoh.quantities import Duration, Length, Positive, check_quantities
 
 _REST = 0.01

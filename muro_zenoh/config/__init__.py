@@ -8,7 +8,7 @@ the default.
 
 from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
 from muro_zenoh.config.find import built_in_scenarios, find_scenario
-from muro_zenoh.config.load import as_table, load_scenario, parameters_as, parse_scenario
+from muro_zenoh.config.scenario import as_table, load_scenario, parameters_as, parse_scenario
 from muro_zenoh.config.sections import (
     BehaviourSettings,
     BusSettings,

@@ -1,4 +1,4 @@
-"""What no lab can do, told before anything starts."""
+"""What is impossible in a lab, refused before anything starts."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import muro_zenoh
 from muro_zenoh.behaviours.entry_points import BEHAVIOURS
-from muro_zenoh.config.load import load_scenario
+from muro_zenoh.config.scenario import load_scenario
 from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
 

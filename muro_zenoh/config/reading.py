@@ -1,64 +1,27 @@
 """A table of a settings file becomes a checked value, or an error that names the file and the key.
 
-A section is a frozen dataclass (or a :class:`msgspec.Struct`); each field is a key. Dataclasses in it need no table of
-their own: their keys are lifted and stand beside the outer ones::
-
-    @dataclass(frozen=True, slots=True)
-    class Parameters:
-        profile: SpeedProfile = SpeedProfile()              # v_min = 0.1, v_max = 0.3, ...
-        law: VectorFieldGains | LqrGains = LqrGains()       # law = "lqr", radial_size = 0.05
-        turning_radius: Length = 0.3
-
-A union of dataclasses is a choice: the key with the field's name picks one by its class attribute ``NAME``, and only
-the keys of that one may be given.
+How a section is declared: :mod:`muro_zenoh.config.schema`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import difflib
 import math
-import types
 from collections.abc import Mapping
-from functools import cache
-from typing import Annotated, Any, Final, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, cast
 
 import msgspec
 
 from muro_zenoh.config.descriptions import expected, show
 from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.schema import REQUIRED, Field, all_keys, check_schema, fields_of
 from muro_zenoh.errors import ConfigError, ParameterError
 from muro_zenoh.quantities import quantity_of
 
 T = TypeVar("T")
 
-_REQUIRED: Final = object()
 
-
-class Field(NamedTuple):
-    """A field of a section.
-
-    Attributes:
-        name: of it.
-        hint: its type.
-        lifted: the dataclasses whose keys are lifted, by ``NAME``; one alone, which needs no name, stands under "".
-        optional: whether it may be None.
-        default: what it is when nothing is given; a private marker when it must be given.
-    """
-
-    name: str
-    hint: Any
-    lifted: Mapping[str, type]
-    optional: bool
-    default: Any
-
-    @property
-    def is_key(self) -> bool:
-        """Whether its name is a key: not that of a single lifted dataclass."""
-        return "" not in self.lifted
-
-
-def read_section(kind: type[T], table: Mapping[str, Any], origin: Origin, path: str, default: T | None = None) -> T:
+def read_section(kind: type[T], table: object, origin: Origin, path: str, default: T | None = None) -> T:
     """A table as a checked value.
 
     Args:
@@ -69,14 +32,30 @@ def read_section(kind: type[T], table: Mapping[str, Any], origin: Origin, path: 
         default: fills in what is not given, in place of the type's own defaults.
 
     Raises:
-        ConfigError: an unknown key, a wrong type or range, or values that do not fit together.
+        ConfigError: no table, an unknown key, a wrong type or range, or values that do not fit together.
         TypeError: the section is no schema: two fields want the same key, or a choice has no names.
     """
     section: Any = kind
     check_schema(section)
-    reader = _Reader(table, origin, path)
+    reader = _Reader(read_table(table, origin, path), origin, path)
     reader.check(reader.keys(section, default), all_keys(section))
     return cast(T, reader.build(section, default))
+
+
+def read_table(value: object, origin: Origin, path: str) -> Mapping[str, Any]:
+    """A value that must be a table.
+
+    Args:
+        value: what the file has.
+        origin: where it came from, for errors.
+        path: its full key.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    if not isinstance(value, Mapping):
+        raise ConfigError(origin.at(path), got=show(value), expected=f"a table [{path}]")
+    return value
 
 
 def read_value(hint: Any, value: object, origin: Origin, path: str) -> Any:
@@ -137,99 +116,6 @@ def check_keys(table: Mapping[str, Any], known: tuple[str, ...], origin: Origin,
                 expected=f"one of {', '.join(known)}" if known else "no keys here",
                 hint=f"Did you mean {close[0]}?" if close else "",
             )
-
-
-# ---- schema
-
-
-@cache
-def fields_of(kind: type) -> tuple[Field, ...]:
-    """The fields of a section.
-
-    Args:
-        kind: the section's type.
-
-    Raises:
-        TypeError: not a dataclass or a Struct, or a choice between dataclasses without distinct names.
-    """
-    hints = get_type_hints(kind, include_extras=True)
-    return tuple(_field(kind, name, hints[name], default) for name, default in _defaults(kind))
-
-
-@cache
-def all_keys(kind: type) -> Mapping[str, tuple[str, str] | None]:
-    """Every key that a section may have, those lifted included.
-
-    Args:
-        kind: the section's type.
-
-    Returns:
-        By key: the choice that it depends on, as key and name; None for one that can always be given.
-    """
-    keys: dict[str, tuple[str, str] | None] = {}
-    for field in fields_of(kind):
-        if field.is_key:
-            keys[field.name] = None
-        for name, option in field.lifted.items():
-            for key, condition in all_keys(option).items():
-                keys[key] = condition or ((field.name, name) if name else None)
-    return keys
-
-
-@cache
-def check_schema(kind: type) -> None:
-    """Refuse a section in which one key would mean two things.
-
-    Args:
-        kind: the section's type.
-
-    Raises:
-        TypeError: two fields want the same key.
-    """
-    owners: dict[str, str] = {}
-    for field in fields_of(kind):
-        keys = [field.name] if field.is_key else []
-        for option in field.lifted.values():
-            check_schema(option)
-        keys += sorted({key for option in field.lifted.values() for key in all_keys(option)})
-        for key in keys:
-            if key in owners:
-                raise TypeError(
-                    f"{kind.__name__}: the fields {owners[key]!r} and {field.name!r} both have the key {key!r}"
-                )
-            owners[key] = field.name
-
-
-def _defaults(kind: type) -> list[tuple[str, Any]]:
-    if dataclasses.is_dataclass(kind):
-        return [(f.name, _default(f, dataclasses.MISSING)) for f in dataclasses.fields(kind) if f.init]
-    if issubclass(kind, msgspec.Struct):
-        return [(f.name, _default(f, msgspec.NODEFAULT)) for f in msgspec.structs.fields(kind)]
-    raise TypeError(f"{kind.__name__}: expected a dataclass or a Struct")
-
-
-def _default(field: Any, missing: Any) -> Any:
-    if field.default is not missing:
-        return field.default
-    return field.default_factory() if field.default_factory is not missing else _REQUIRED
-
-
-def _field(kind: type, name: str, hint: Any, default: Any) -> Field:
-    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    options = get_args(base) if get_origin(base) in (Union, types.UnionType) else (base,)
-    optional = types.NoneType in options
-    options = tuple(option for option in options if option is not types.NoneType)
-    if not all(isinstance(option, type) and dataclasses.is_dataclass(option) for option in options):
-        return Field(name, hint, {}, optional, default)
-    if len(options) == 1:
-        return Field(name, hint, {"": options[0]}, optional, default)
-    lifted = {getattr(option, "NAME", ""): option for option in options}
-    if "" in lifted or len(lifted) < len(options):
-        raise TypeError(f"{kind.__name__}.{name}: each option of a choice needs a NAME of its own, got {options}")
-    return Field(name, hint, lifted, optional, default)
-
-
-# ---- reading
 
 
 class _Reader:
@@ -296,15 +182,15 @@ class _Reader:
             if chosen is not None:
                 inner = _if_a(chosen, fallback)
                 keys = [field.name] if field.is_key else self.keys(chosen, inner)
-                if fallback is not None or any(key in self._table for key in keys):
-                    values[field.name] = self.build(chosen, inner)
+                given = fallback is not None or any(key in self._table for key in keys)
+                values[field.name] = self.build(chosen, inner) if given else None
             elif field.name in self._table:
                 path = _join(self._path, field.name)
                 values[field.name] = read_value(field.hint, self._table[field.name], self._origin, path)
-            if field.name not in values:
-                if fallback is _REQUIRED:
-                    words = _options(field) if field.lifted else expected(field.hint)
-                    raise ConfigError(self._origin.at(_join(self._path, field.name)), got="nothing", expected=words)
+            elif fallback is REQUIRED:
+                words = _options(field) if field.lifted else expected(field.hint)
+                raise ConfigError(self._origin.at(_join(self._path, field.name)), got="nothing", expected=words)
+            elif default is not None:
                 values[field.name] = fallback
         try:
             return kind(**values)
@@ -330,7 +216,7 @@ class _Reader:
 
     @staticmethod
     def _default(field: Field, default: Any) -> Any:
-        return getattr(default, field.name) if hasattr(default, field.name) else field.default
+        return field.default if default is None else getattr(default, field.name)
 
 
 def _if_a(kind: type, value: Any) -> Any:

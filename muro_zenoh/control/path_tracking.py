@@ -110,17 +110,6 @@ def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: fl
     return PathError(s, lateral, wrap_to_pi(pose.theta - there.theta), path.curvature_at(s))
 
 
-def is_off_path(error: PathError, lateral: float = 0.1, dtheta: float = 1.0) -> bool:
-    """Whether the robot is so far from the path that a new one should be planned from where it is.
-
-    Args:
-        error: where the robot is relative to the path.
-        lateral: offset from which on it is off the path [m].
-        dtheta: heading error from which on it is off the path [rad].
-    """
-    return abs(error.lateral) > lateral or abs(error.dtheta) > dtheta
-
-
 class Progress(NamedTuple):
     """The memory of :func:`follow_path`.
 

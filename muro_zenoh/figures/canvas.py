@@ -7,7 +7,7 @@ their dashes too.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +20,7 @@ from muro_zenoh.geometry import TWO_PI, Circle, Pose2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 BLUE: Final = "#0072B2"
@@ -180,3 +181,34 @@ def part_label(axes: Axes, letter: str, title: str = "") -> None:
         title: what the part shows, when that needs saying.
     """
     axes.set_title(rf"$\bf{{({letter})}}$ {title}".rstrip(), loc="left", fontsize=8.0)
+
+
+def distribution(axes: Axes, values: Array, label: str, color: str, dashes: Any, alpha: float = 1.0) -> None:
+    """The share of values up to each, as steps; what is infinite counts and is never reached.
+
+    Args:
+        axes: where to.
+        values: the values.
+        label: for the legend.
+        color: of the line.
+        dashes: of the line.
+        alpha: of the line; fainter below 1.
+    """
+    reached = np.sort(values[np.isfinite(values)])
+    share = np.arange(len(reached) + 1) / max(len(values), 1)
+    x = np.concatenate(([1e-3], reached, [1e3]))  # from edge to edge of any axes of ratios
+    y = np.concatenate((share, share[-1:]))
+    axes.step(x, y, where="post", label=label, color=color, linestyle=dashes, alpha=alpha)
+
+
+def log_ticks(axis: Axis, ticks: Sequence[float]) -> None:
+    """Plain numbers on a logarithmic axis.
+
+    Args:
+        axis: the axis.
+        ticks: where.
+    """
+    from matplotlib.ticker import NullLocator
+
+    axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    axis.set_minor_locator(NullLocator())

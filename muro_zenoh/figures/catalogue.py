@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from muro_zenoh.errors import ConfigError, MuroError
 from muro_zenoh.figures import deploying, driving, following, spreading, steering, topics
 from muro_zenoh.figures.canvas import FORMATS, save, style
-from muro_zenoh.figures.effort import PUBLISHED, Effort
+from muro_zenoh.figures.simulation import PUBLISHED, Effort
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

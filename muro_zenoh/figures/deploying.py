@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from muro_zenoh.figures.canvas import BLACK, BLUE, ORANGE, PAGE, SKY, part_label, plan_view, sheet
-from muro_zenoh.figures.effort import Effort
-from muro_zenoh.figures.steps import log_ticks
+from muro_zenoh.figures.canvas import BLACK, BLUE, ORANGE, PAGE, SKY, log_ticks, part_label, plan_view, sheet
+from muro_zenoh.figures.simulation import Effort
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.planning.coverage import Peaks, Point, cells, centroid, coverage_cost, lloyd_step
 

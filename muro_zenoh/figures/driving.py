@@ -10,8 +10,7 @@ from muro_zenoh.control.path_tracking import Progress, TrackingGains, follow_pat
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.elementwise import Array
 from muro_zenoh.figures.canvas import BLACK, BLUE, GREY, ORANGE, PAGE, PALE, arrow, part_label, plan_view, sheet
-from muro_zenoh.figures.effort import Effort
-from muro_zenoh.figures.track import drive
+from muro_zenoh.figures.simulation import Effort, drive
 from muro_zenoh.geometry import Pose2, State
 from muro_zenoh.planning.dubins import plan
 from muro_zenoh.planning.path import STRAIGHT

@@ -20,13 +20,13 @@ from muro_zenoh.figures.canvas import (
     PURPLE,
     SKY,
     arrow,
+    distribution,
+    log_ticks,
     part_label,
     plan_view,
     sheet,
 )
-from muro_zenoh.figures.effort import Effort
-from muro_zenoh.figures.steps import distribution, log_ticks
-from muro_zenoh.figures.track import Track, drive
+from muro_zenoh.figures.simulation import Effort, Track, drive
 from muro_zenoh.geometry import Circle, Pose2, State
 from muro_zenoh.simulation.rollout.fleet import Fleet, Policy
 from muro_zenoh.simulation.rollout.runs import follow_circle, settling_time

@@ -13,10 +13,20 @@ from muro_zenoh.control.importance import Importance
 from muro_zenoh.control.pursuit import PursuitLaw, pursuit_law, pursuit_speed
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
-from muro_zenoh.figures.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, PAGE, part_label, plan_view, sheet
-from muro_zenoh.figures.effort import Effort
-from muro_zenoh.figures.steps import distribution, log_ticks
-from muro_zenoh.figures.track import drive
+from muro_zenoh.figures.canvas import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE,
+    distribution,
+    log_ticks,
+    part_label,
+    plan_view,
+    sheet,
+)
+from muro_zenoh.figures.simulation import Effort, drive
 from muro_zenoh.geometry import TWO_PI, Circle, State
 from muro_zenoh.simulation.rollout.fleet import Fleet
 from muro_zenoh.simulation.rollout.runs import pursue_ring, ring_angle, settling_time

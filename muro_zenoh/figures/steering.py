@@ -9,7 +9,7 @@ import numpy as np
 
 from muro_zenoh.control.point_forward import REVERSE_LIMIT, steer_to_angle, turning_gain, wheel_speeds
 from muro_zenoh.figures.canvas import BLACK, BLUE, GREY, ORANGE, PAGE, PALE, part_label, sheet
-from muro_zenoh.figures.effort import Effort
+from muro_zenoh.figures.simulation import Effort
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from muro_zenoh.channels import CHANNELS, VERBS
 from muro_zenoh.figures.canvas import AMBER, BLACK, BLUE, GREEN, GREY, PAGE, PURPLE, sheet
-from muro_zenoh.figures.effort import Effort
+from muro_zenoh.figures.simulation import Effort
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,8 +1,7 @@
-"""Deployment: each robot to the centroid of its Voronoi cell, again and again (Lloyd), and what that costs.
+"""Deployment: each robot to the centroid of its Voronoi cell, again and again (Lloyd), in rounds, and what that costs.
 
 A cell is cut out of the arena by half-planes, nearest neighbour first, and done when no further robot can reach it: an
-agent needs its own cell only. All cells of many robots at once come quicker from
-:func:`muro_zenoh.planning.voronoi.voronoi_cells`, which needs shapely.
+agent needs its own cell only.
 
 Source: Lloyd, IEEE Transactions on Information Theory 28, 1982; Cortes, Martinez, Karatas, Bullo, Coverage control for
 mobile sensing networks, IEEE T-RA 20, 2004; seed 004, sections 1 and 7.
@@ -12,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.planning.density import Density, Peaks
@@ -22,6 +22,7 @@ __all__ = [
     "Peaks",
     "Point",
     "Polygon",
+    "Round",
     "area",
     "cell",
     "cell_cost",
@@ -30,6 +31,7 @@ __all__ = [
     "coverage_cost",
     "lloyd_goal",
     "lloyd_step",
+    "next_round",
     "same_place",
 ]
 
@@ -132,6 +134,35 @@ def lloyd_step(sites: Sequence[Point], bounds: Bounds, density: Density | None =
         density: how much each place matters; None for all alike.
     """
     return tuple(lloyd_goal(k, sites, bounds, density) for k in range(len(sites)))
+
+
+class Round(NamedTuple):
+    """Where a round of a deployment is: all go, all stand for a while, all look where to go next.
+
+    Args:
+        rest_since: since when all robots have stood [s]; None while one moves.
+        due: whether all have stood for the hold time: the next round begins now.
+    """
+
+    rest_since: float | None = None
+    due: bool = False
+
+
+def next_round(now: float, rest: bool, before: Round, hold_time: float) -> Round:
+    """Follow the rounds from one look at the fleet to the next.
+
+    Robots that look at the same snapshots, and tell time by their stamps, begin every round together.
+
+    Args:
+        now: the time of this look [s].
+        rest: whether all robots stand.
+        before: what this function returned at the last look; ``Round()`` at first.
+        hold_time: how long all must have stood [s].
+    """
+    if not rest:
+        return Round()
+    since = now if before.rest_since is None or before.due else before.rest_since
+    return Round(since, now - since >= hold_time)
 
 
 def same_place(sites: Sequence[Point]) -> list[int]:

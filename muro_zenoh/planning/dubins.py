@@ -19,7 +19,6 @@ from math import acos, atan2, cos, pi, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import TWO_PI, Pose2
@@ -217,12 +216,6 @@ class WordArrays(NamedTuple):
     first: Array
     middle: Array
     last: Array
-
-    @property
-    def shortest(self) -> NDArray[np.intp]:
-        """Index of the shortest word, shape ``[...]``."""
-        index: NDArray[np.intp] = np.argmin(self.size, axis=-1)
-        return index
 
 
 def all_words(start: Array, goal: Array, radius: float) -> WordArrays:

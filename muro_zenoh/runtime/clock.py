@@ -14,12 +14,8 @@ class Clock(Protocol):
         ...
 
 
-def _steady() -> float:
-    """Seconds that only ever grow; on Linux they go on while the machine is suspended, and so do the ages they give."""
-    return time.clock_gettime(_CLOCK)
-
-
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""It only ever grows; on Linux it goes on while the machine is suspended, and so do the ages that it gives."""
 
 
 class SystemClock:
@@ -28,8 +24,8 @@ class SystemClock:
     __slots__ = ("_offset",)
 
     def __init__(self) -> None:
-        self._offset = time.time() - _steady()
+        self._offset = time.time() - time.clock_gettime(_CLOCK)
 
     def now(self) -> float:
         """Seconds since 1970."""
-        return self._offset + _steady()
+        return self._offset + time.clock_gettime(_CLOCK)

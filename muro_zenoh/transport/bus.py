@@ -39,14 +39,7 @@ T = TypeVar("T", bound=Message)
 I = TypeVar("I", bound=Inbox[Any])  # noqa: E741 - an inbox
 
 
-def _numbered(message: T, stamp: float, seq: int, epoch: int) -> T:
-    """A copy of a message, which is not checked a second time; the caller's own stays as it is."""
-    sent: T = message.__copy__()  # type: ignore[attr-defined]  # what copy.copy() calls, by a longer way
-    force = msgspec.structs.force_setattr
-    force(sent, "stamp", stamp)
-    force(sent, "seq", seq)
-    force(sent, "epoch", epoch)
-    return sent
+_set = msgspec.structs.force_setattr
 
 
 class Publisher(Generic[T]):
@@ -54,6 +47,8 @@ class Publisher(Generic[T]):
 
     def __init__(self, bus: Bus, key: str, link: LinkPublisher) -> None:
         self._bus = bus
+        self._now = bus.clock.now
+        self._epoch = bus.epoch
         self._key = key
         self._link = link
         self._readers = bus._readers.setdefault(key, [])
@@ -72,7 +67,12 @@ class Publisher(Generic[T]):
         if self._closed:
             return message
         self._seq += 1
-        sent = _numbered(message, message.stamp or self._bus.clock.now(), self._seq, self._bus.epoch)
+        # A copy that is not checked a second time; the caller's own stays as it is.
+        sent: T = message.__copy__()  # type: ignore[attr-defined]  # what copy.copy() calls, by a longer path
+        if not message.stamp:
+            _set(sent, "stamp", self._now())
+        _set(sent, "seq", self._seq)
+        _set(sent, "epoch", self._epoch)
         for inbox in self._readers:
             inbox.hand(self._key, sent)
         self._link.put(encode(sent))

@@ -111,7 +111,7 @@ class Inbox(ABC, Generic[T]):
         self._encoding = encoding_of(kind)
         self._decode = decoder(kind)
         self._prefix = prefix
-        self._clock = clock
+        self._now = clock.now
         self._loop = loop
         self._counters = counters
         self._where = where
@@ -130,7 +130,7 @@ class Inbox(ABC, Generic[T]):
 
     def file(self, key: str, payload: bytes, encoding: str | None) -> None:
         """Take a sample from the middleware; from any thread."""
-        arrival = self._clock.now()
+        arrival = self._now()
         with self._lock:
             if self._closed:
                 return
@@ -161,8 +161,9 @@ class Inbox(ABC, Generic[T]):
 
     def hand(self, key: str, message: T) -> None:
         """Take a message that this very process sends; it was never bytes."""
-        self._sort()  # what others sent before it is older
-        now = self._clock.now()
+        if self._raw:
+            self._sort()  # what others sent before it is older
+        now = self._now()
         self._counters.received += 1
         self._counters.arrival = now
         self._accept(Received(key[self._prefix :], message, now, 0.0, 0.0))
@@ -175,7 +176,8 @@ class Inbox(ABC, Generic[T]):
             TransportError: the mailbox was closed, or another task waits here already.
         """
         while True:
-            self._sort()
+            if self._raw:
+                self._sort()
             item = self._take()
             if item is not None:
                 return item
@@ -183,12 +185,10 @@ class Inbox(ABC, Generic[T]):
                 raise TransportError(f"{self._where}: the mailbox is closed")
             if self._waiter is not None:
                 raise TransportError(f"{self._where}: two tasks wait at one mailbox; give each its own")
-            with self._lock:
-                if self._raw:
-                    continue  # filed since, and nobody was woken for it
-                self._waiter = self._loop.create_future()
+            self._waiter = self._loop.create_future()
             try:
-                await self._waiter
+                if not self._raw:  # else filed since, and perhaps nobody was woken for it
+                    await self._waiter
             finally:
                 self._waiter = None
 
@@ -217,8 +217,6 @@ class Inbox(ABC, Generic[T]):
 
     def _sort(self) -> None:
         """Decode what was filed."""
-        if not self._raw:
-            return
         with self._lock:
             raw, self._raw = self._raw, {}
         if not self._closed:
@@ -295,7 +293,8 @@ class Latest(Inbox[T]):
 
     def get(self, name: str = "") -> Received[T] | None:
         """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""
-        self._sort()
+        if self._raw:
+            self._sort()
         if not name and self._newest:
             name = next(iter(self._newest))
         self._unseen.discard(name)
@@ -303,13 +302,15 @@ class Latest(Inbox[T]):
 
     def values(self) -> dict[str, Received[T]]:
         """The newest message of each name."""
-        self._sort()
+        if self._raw:
+            self._sort()
         self._unseen.clear()
         return dict(self._newest)
 
     def forget(self, name: str) -> None:
         """Drop what is known of a name."""
-        self._sort()
+        if self._raw:
+            self._sort()
         self._unseen.discard(name)
         self._newest.pop(name, None)
         self._unread.pop(name, None)
@@ -355,7 +356,8 @@ class Every(Inbox[T]):
 
     def drain(self) -> list[Received[T]]:
         """All that waits, oldest first, without waiting."""
-        self._sort()
+        if self._raw:
+            self._sort()
         items = list(self._queue)
         self._queue.clear()
         return items

@@ -17,7 +17,6 @@ from muro_zenoh.control.path_tracking import (
     TrackingGains,
     follow_path,
     frenet_law,
-    is_off_path,
     path_error,
 )
 from muro_zenoh.control.speed_profile import SpeedProfile
@@ -98,7 +97,7 @@ def test_random_dubins_paths_are_tracked_and_ended_within_tolerance() -> None:
         path = plan(start, goal, 0.3)
         end, steps = follow(path, start, PROFILE)
         errors += [abs(step.error.lateral) for step in steps]
-        assert end.distance_to(goal) <= 0.02
+        assert math.dist(end[:2], goal[:2]) <= 0.02
         assert abs(wrap_to_pi(end.theta - goal.theta)) <= math.radians(3.0)
         assert steps[-1].twist.v == 0.0
         assert max(step.twist.v for step in steps) <= 0.3
@@ -119,7 +118,7 @@ def test_a_robot_put_beside_the_path_comes_back_to_it(lateral: float, dtheta: fl
     start = Pose2(on.x - lateral * math.sin(on.theta), on.y + lateral * math.cos(on.theta), on.theta + dtheta)
     end, steps = follow(path, start, PROFILE)
     assert abs(steps[-1].error.lateral) < 0.005
-    assert end.distance_to(path.end) < 0.02
+    assert math.dist(end[:2], path.end[:2]) < 0.02
 
 
 def test_far_from_the_path_it_turns_towards_it_and_not_back() -> None:
@@ -129,22 +128,22 @@ def test_far_from_the_path_it_turns_towards_it_and_not_back() -> None:
     assert abs(steps[-1].error.lateral) < 0.005
 
 
-def test_carried_off_the_path_it_says_so_and_a_new_plan_brings_it_to_the_goal() -> None:
+def test_a_new_plan_brings_a_robot_that_was_carried_off_its_path_to_the_goal() -> None:
     goal = Pose2(1.5, 0.8, 1.0)
     path = plan(Pose2(-1.5, 0.0, 0.0), goal, 0.3)
     _, steps = follow(path, path.start, PROFILE)
-    assert not any(is_off_path(step.error) for step in steps)
+    assert all(abs(step.error.lateral) < 0.1 and abs(step.error.dtheta) < 1.0 for step in steps)
     halfway = steps[len(steps) // 2].progress
     carried = path.pose_at(halfway.s).compose(Pose2(0.0, 0.3, 0.5))
-    assert is_off_path(path_error(path, carried, halfway.s))
+    assert path_error(path, carried, halfway.s).lateral > 0.25
     end, _ = follow(plan(carried, goal, 0.3), carried, PROFILE)
-    assert end.distance_to(goal) < 0.02
+    assert math.dist(end[:2], goal[:2]) < 0.02
 
 
 def test_where_a_path_crosses_itself_it_goes_on_along_it() -> None:
     loop = Path(Pose2(0.0, 0.0, 0.0), (Segment(1.0, 0.0), Segment(1.5 * math.pi * 0.4, 1.0 / 0.4), Segment(1.0, 0.0)))
     end, steps = follow(loop, Pose2(0.0, 0.0, 0.0), PROFILE)
-    assert end.distance_to(loop.end) < 0.02
+    assert math.dist(end[:2], loop.end[:2]) < 0.02
     assert max(abs(step.error.lateral) for step in steps) < 0.02
 
 

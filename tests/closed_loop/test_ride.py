@@ -14,8 +14,8 @@ from muro_zenoh.control.ride import RideSettings, is_at, ride_on, set_out, turn_
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
+from muro_zenoh.planning.coverage import Round, next_round
 from muro_zenoh.planning.destination import Destination
-from muro_zenoh.planning.rounds import Round, next_round
 
 FLOOR = Bounds(-2.1, 2.1, -1.5, 1.5)
 RADIUS = 0.177

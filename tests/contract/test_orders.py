@@ -8,15 +8,19 @@ import time
 import pytest
 
 from muro_zenoh import channels
+from muro_zenoh.channels import Role, Verb
 from muro_zenoh.errors import ConfigError, MessageError, NoReply
 from muro_zenoh.messages import (
+    Goal,
     Reply,
     Resume,
     SetCircle,
     Stop,
 )
+from muro_zenoh.transport import Bus
+from muro_zenoh.transport.orders import MAX_WAITING
 from tests.contract.conftest import Network
-from tests.contract.helpers import answered
+from tests.contract.helpers import answered, until
 from tests.support.waiting import seconds, within
 
 
@@ -53,6 +57,123 @@ async def test_nobody_answers(network: Network) -> None:
     with pytest.raises(NoReply, match="basestation/stop: nobody answered"):
         await bus.ask(channels.STOP_ORDER, Stop(), timeout=5.0)
     assert time.monotonic() - began < seconds(1.0)
+
+
+DIG = Verb("dig", Goal, named="robot", answered_by=Role.AGENT)
+
+
+async def test_an_order_to_one_robot_reaches_that_robot(network: Network) -> None:
+    bus = await network.open(roles=[Role.OPERATOR])
+    for name in ("r1", "r2"):
+        agent = await network.open(roles=[Role.AGENT])
+        agent.answer(DIG, lambda goal, name=name: Reply(accepted=goal.x > 0.0, reason=name), name=name)  # type: ignore[misc]
+    for name in ("r1", "r2"):
+        reply = await within(5, _asked(bus, name, Goal(x=1.0, y=0.0)), "the answer")
+        assert (reply.accepted, reply.reason) == (True, name)
+    assert not (await bus.ask(DIG, Goal(x=-1.0, y=0.0), name="r1")).accepted
+
+
+async def _asked(bus: Bus, name: str, goal: Goal) -> Reply:
+    while True:
+        try:
+            return await bus.ask(DIG, goal, name=name)
+        except NoReply:
+            await asyncio.sleep(0.01)
+
+
+async def test_nobody_answers_for_a_robot(network: Network) -> None:
+    bus = await network.open()
+    with pytest.raises(
+        NoReply, match=r"dig/r7: nobody .*at most 5 s.*the agent of r7 to\. Is `muro agent FILE r7` running"
+    ):
+        await bus.ask(DIG, Goal(x=0.0, y=0.0), name="r7", timeout=5.0)
+
+
+async def test_an_order_has_a_name_where_it_needs_one_and_only_there(network: Network) -> None:
+    bus = await network.open()
+    for use in (
+        lambda: bus.answer(DIG, lambda goal: Reply(accepted=True)),
+        lambda: bus.answer(DIG, lambda goal: Reply(accepted=True), name="*"),
+        lambda: bus.answer(channels.RESUME, lambda order: Reply(accepted=True), name="r1"),
+    ):
+        with pytest.raises(ConfigError, match=r"order (dig|resume): got"):
+            use()
+    with pytest.raises(ConfigError, match="order dig: got"):
+        await bus.ask(DIG, Goal(x=0.0, y=0.0))
+
+
+async def test_an_answer_may_be_awaited_and_does_not_hold_up_the_next(network: Network) -> None:
+    bus, base = await network.open(), await network.open()
+    go_on = asyncio.Event()
+
+    async def handle(order: SetCircle) -> Reply:
+        if order.radius == 1.0:
+            await go_on.wait()
+        if order.radius == 2.0:
+            raise ConfigError("circle.radius", got="2", expected="at most 1 m")
+        return Reply(accepted=True)
+
+    base.answer(channels.SET_CIRCLE, handle)
+    await answered(bus)
+    slow = asyncio.create_task(bus.ask(channels.SET_CIRCLE, SetCircle(radius=1.0), timeout=seconds(5)))
+    await until(lambda: base.counters["basestation/set_circle"].received >= 2, "the slow order")
+    assert (await within(2, bus.ask(channels.SET_CIRCLE, SetCircle()), "the next answer")).accepted
+    refused = await within(2, bus.ask(channels.SET_CIRCLE, SetCircle(radius=2.0)), "the refusal")
+    assert "at most 1 m" in refused.reason
+    assert not slow.done()
+    go_on.set()
+    assert (await within(2, slow, "the slow answer")).accepted
+
+
+async def test_orders_that_wait_are_bounded_and_the_rest_is_counted(network: Network) -> None:
+    bus, base = await network.open(), await network.open()
+    go_on = asyncio.Event()
+
+    async def handle(order: SetCircle) -> Reply:
+        if order.radius is not None:
+            await go_on.wait()
+        return Reply(accepted=True)
+
+    base.answer(channels.SET_CIRCLE, handle)
+    await answered(bus)
+    counters = base.counters["basestation/set_circle"]
+    received = counters.received
+    asking = [
+        asyncio.create_task(bus.ask(channels.SET_CIRCLE, SetCircle(radius=1.0), timeout=seconds(3)))
+        for _ in range(MAX_WAITING + 5)
+    ]
+    await until(lambda: counters.received == received + MAX_WAITING + 5, "all of them")
+    assert counters.dropped == 5
+    go_on.set()
+    replies = await asyncio.gather(*asking, return_exceptions=True)
+    assert sum(isinstance(reply, Reply) for reply in replies) == MAX_WAITING
+    assert sum(isinstance(reply, NoReply) for reply in replies) == 5
+    assert (await bus.ask(channels.SET_CIRCLE, SetCircle(radius=1.0))).accepted, "there is room again"
+
+
+async def test_closing_a_bus_ends_the_answers_that_it_works_on(network: Network) -> None:
+    bus, base = await network.open(), await network.open()
+    ended: list[bool] = []
+
+    async def handle(order: SetCircle) -> Reply:
+        if order.radius is not None:
+            try:
+                await asyncio.Event().wait()
+            finally:
+                ended.append(True)
+        return Reply(accepted=True)
+
+    base.answer(channels.SET_CIRCLE, handle)
+    await answered(bus)
+    counters = base.counters["basestation/set_circle"]
+    received = counters.received
+    asking = asyncio.create_task(bus.ask(channels.SET_CIRCLE, SetCircle(radius=1.0), timeout=0.5))
+    await until(lambda: counters.received > received, "the order")
+    await asyncio.sleep(0.01)
+    await within(5, base.close(), "closing")
+    assert ended == [True]
+    with pytest.raises(NoReply):
+        await asking
 
 
 async def test_an_order_that_is_none_is_refused_with_the_reason(network: Network) -> None:

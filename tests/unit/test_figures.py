@@ -15,7 +15,7 @@ from muro_zenoh.control.circle import CIRCLE_LAWS
 from muro_zenoh.control.pursuit import PURSUIT_LAWS
 from muro_zenoh.errors import ConfigError, MissingExtra, MuroError
 from muro_zenoh.figures.catalogue import FIGURES, draw
-from muro_zenoh.figures.effort import Effort
+from muro_zenoh.figures.simulation import Effort
 from muro_zenoh.figures.topics import flows
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,8 @@ from typing import Annotated, Any, ClassVar
 import pytest
 
 from muro_zenoh.config.origin import Origin
-from muro_zenoh.config.reading import all_keys, check_schema, fields_of, read_section
+from muro_zenoh.config.reading import read_section
+from muro_zenoh.config.schema import all_keys, check_schema, fields_of
 from muro_zenoh.errors import ConfigError, ParameterError
 from muro_zenoh.quantities import Count, Length, Number, Quantity, Speed, check_quantities
 

@@ -1,9 +1,7 @@
-"""From a TOML file to a checked :class:`~muro_zenoh.config.sections.Scenario`."""
+"""From a settings file to a checked :class:`~muro_zenoh.config.sections.Scenario`, and back to a table."""
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
@@ -13,8 +11,9 @@ import msgspec
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.feasibility import check_feasible
+from muro_zenoh.config.files import override, read_file
 from muro_zenoh.config.origin import Origin
-from muro_zenoh.config.reading import check_keys, read_section, read_value
+from muro_zenoh.config.reading import check_keys, read_section, read_table, read_value
 from muro_zenoh.config.sections import (
     ARENA,
     CIRCLE,
@@ -42,9 +41,6 @@ _SECTIONS: Final[dict[str, Any]] = {
 
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
-_MERGED = ("all", "arena", "bus", "simulation")
-"""Sections in which a scenario changes single keys of its fleet file."""
-
 T = TypeVar("T")
 
 
@@ -54,19 +50,18 @@ def load_scenario(
     """Read a scenario, or a fleet file, and check it.
 
     Args:
-        path: the TOML file; or the JSON one that :func:`as_table` became for the processes of a run.
-        robots: how many robots to use: so many of those in the file, or so many made from ``[all]``.
-        overrides: values by full key, such as ``{"circle.radius": 1.0}``, laid over the file's.
+        path: the TOML file, or the JSON file that was made of :func:`as_table` for the processes of a run.
+        robots: how many robots to use: the first ones of the file, or as many made from ``[all]``.
+        overrides: values by full key, such as ``{"circle.radius": 1.0}``, which take the place of the file's.
         name: what to call it; by default the file's name without its ending.
 
     Raises:
         ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
     """
     path = Path(path)
-    table, origin = _read_with_fleet(path)
+    table, origin = read_file(path)
     for key, value in (overrides or {}).items():
-        _override(table, key, value)
-        origin.note(key, "--set ")
+        override(table, origin, key, value)
     return parse_scenario(table, origin, name=name or path.stem, robots=robots)
 
 
@@ -75,7 +70,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
 
     Args:
         table: the parsed file.
-        file: its name, for errors; or which key came from which file.
+        file: its name, or which key came from which file, for errors.
         name: what to call the scenario.
         robots: how many robots to use.
 
@@ -85,13 +80,10 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
     origin = file if isinstance(file, Origin) else Origin(file)
     check_keys(table, _TOP, origin, "")
     sections: dict[str, Any] = {
-        key: read_section(type(default), _table(table, key, origin), origin, key, default)
-        for key, default in _SECTIONS.items()
+        key: read_section(type(default), table.get(key, {}), origin, key, default) for key, default in _SECTIONS.items()
     }
     cameras = {
-        _name(key, origin, f"camera.{key}"): read_section(
-            CameraSettings, _as_table(value, origin, f"camera.{key}"), origin, f"camera.{key}"
-        )
+        _name(key, origin, f"camera.{key}"): read_section(CameraSettings, value, origin, f"camera.{key}")
         for key, value in _table(table, "camera", origin).items()
     }
     scenario = Scenario(
@@ -134,73 +126,8 @@ def parameters_as(kind: type[T], parameters: Mapping[str, object], where: str) -
     return read_section(kind, parameters, Origin(where), "behaviour")
 
 
-# ---- reading
-
-
-def read_table(path: Path) -> dict[str, Any]:
-    """A TOML file, or a JSON one by its ending, as a table.
-
-    Args:
-        path: the file.
-
-    Raises:
-        ConfigError: no such file, not readable, not what its ending says, or no table.
-    """
-    kind = "JSON" if path.suffix == ".json" else "TOML"
-    try:
-        text = path.read_bytes().decode()
-        table = json.loads(text) if kind == "JSON" else tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigError(str(path), got="no such file", expected=f"a {kind} file") from None
-    except OSError as error:
-        raise ConfigError(str(path), got=error.strerror or str(error), expected=f"a readable {kind} file") from error
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(str(path), got=str(error), expected=kind) from error
-    if not isinstance(table, dict):
-        raise ConfigError(str(path), got=show(table), expected="a table of settings")
-    return table
-
-
-def _read_with_fleet(path: Path) -> tuple[dict[str, Any], Origin]:
-    table = read_table(path)
-    origin = Origin(path.name)
-    if "fleet" not in table:
-        return table, origin
-    fleet_path = path.parent / read_value(str, table.pop("fleet"), origin, "fleet")
-    fleet = read_table(fleet_path)
-    fleet_origin = Origin(fleet_path.name)
-    if "fleet" in fleet:
-        raise ConfigError(fleet_origin.at("fleet"), got=show(fleet["fleet"]), expected="no fleet in a fleet file")
-    merged = {**fleet, **table}
-    for key in fleet:
-        if key not in table:
-            origin.note(key, f"{fleet_path.name}: ")
-        elif key in _MERGED:
-            ours, theirs = _as_table(table[key], origin, key), _as_table(fleet[key], fleet_origin, key)
-            merged[key] = {**theirs, **ours}
-            for inner in theirs.keys() - ours.keys():
-                origin.note(f"{key}.{inner}", f"{fleet_path.name}: ")
-    return merged, origin
-
-
-def _override(table: dict[str, Any], key: str, value: object) -> None:
-    *way, last = key.split(".")
-    for i, step in enumerate(way):
-        child = table.setdefault(step, {})
-        if not isinstance(child, dict):
-            raise ConfigError(f"--set {key}", got=f"{'.'.join(way[: i + 1])} = {child!r}", expected="a table there")
-        table = child
-    table[last] = value
-
-
 def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, Any]:
-    return _as_table(table.get(key, {}), origin, key)
-
-
-def _as_table(value: object, origin: Origin, key: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ConfigError(origin.at(key), got=show(value), expected=f"a table [{key}]")
-    return value
+    return read_table(table.get(key, {}), origin, key)
 
 
 def _name(name: str, origin: Origin, path: str) -> str:
@@ -221,7 +148,7 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
     if given:
         robots = {
             _name(key, origin, f"robot.{key}"): read_section(
-                RobotSettings, {**common, **_as_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
+                RobotSettings, {**common, **read_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
             )
             for key, value in given.items()
         }

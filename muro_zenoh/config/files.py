@@ -1,0 +1,84 @@
+"""Settings files as plain tables, with the origin of each key: a file, its fleet file, or the command line."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+from muro_zenoh.config.descriptions import show
+from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.reading import read_table, read_value
+from muro_zenoh.errors import ConfigError
+
+_MERGED: Final = ("all", "arena", "bus", "simulation")
+"""Sections in which a scenario changes single keys of its fleet file; the others it replaces as a whole."""
+
+
+def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
+    """A settings file, merged into the fleet file that it names.
+
+    Args:
+        path: the TOML file, or a JSON one by its ending.
+
+    Raises:
+        ConfigError: no such file, not readable, not what its ending says, or no table; the same for its fleet file.
+    """
+    table = _parse(path)
+    origin = Origin(path.name)
+    if "fleet" not in table:
+        return table, origin
+    fleet_path = path.parent / read_value(str, table.pop("fleet"), origin, "fleet")
+    fleet = _parse(fleet_path)
+    fleet_origin = Origin(fleet_path.name)
+    if "fleet" in fleet:
+        raise ConfigError(fleet_origin.at("fleet"), got=show(fleet["fleet"]), expected="no fleet in a fleet file")
+    merged = {**fleet, **table}
+    for key in fleet:
+        if key not in table:
+            origin.note(key, f"{fleet_path.name}: ")
+        elif key in _MERGED:
+            ours, theirs = read_table(table[key], origin, key), read_table(fleet[key], fleet_origin, key)
+            merged[key] = {**theirs, **ours}
+            for inner in theirs.keys() - ours.keys():
+                origin.note(f"{key}.{inner}", f"{fleet_path.name}: ")
+    return merged, origin
+
+
+def override(table: dict[str, Any], origin: Origin, key: str, value: object) -> None:
+    """Put a value of the command line in the place of the file's.
+
+    Args:
+        table: the file; changed in place.
+        origin: of its keys; changed in place.
+        key: the full key, such as ``circle.radius``.
+        value: the value.
+
+    Raises:
+        ConfigError: the key leads through something that is no table.
+    """
+    *steps, last = key.split(".")
+    for i, step in enumerate(steps):
+        child = table.setdefault(step, {})
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {key}", got=f"{'.'.join(steps[: i + 1])} = {child!r}", expected="a table there")
+        table = child
+    table[last] = value
+    origin.note(key, "--set ")
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    kind = "JSON" if path.suffix == ".json" else "TOML"
+    try:
+        text = path.read_bytes().decode()
+        table = json.loads(text) if kind == "JSON" else tomllib.loads(text)
+    except FileNotFoundError:
+        raise ConfigError(str(path), got="no such file", expected=f"a {kind} file") from None
+    except OSError as error:
+        raise ConfigError(str(path), got=error.strerror or str(error), expected=f"a readable {kind} file") from error
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(str(path), got=str(error), expected=kind) from error
+    if not isinstance(table, dict):
+        raise ConfigError(str(path), got=show(table), expected="a table of settings")
+    return table
