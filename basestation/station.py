@@ -21,8 +21,8 @@ from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus
 
 _SWITCH_INTERVAL = 0.0005
-"""How long a thread that searches a frame may keep the interpreter from the loop [s]. With Python's 5 ms the answer to
-a stop takes twice as long while thirty robots are watched."""
+"""How long a thread that searches a frame may keep the loop waiting for the interpreter [s]. With Python's own 5 ms the
+answer to a stop takes nearly twice as long while thirty robots are watched."""
 
 
 class Station:

@@ -167,6 +167,12 @@ class MemoryFleet:
         assert reply.accepted, reply.reason
         return reply
 
+    async def refusal(self, verb: Verb[T], order: T) -> str:
+        """Give an order to the base station, and see it refused; the reason."""
+        reply = await self._looking.ask(verb, order)
+        assert not reply.accepted
+        return reply.reason
+
     @property
     def kept(self) -> StateStore:
         """What the base station keeps."""
