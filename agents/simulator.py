@@ -20,7 +20,8 @@ from muro_zenoh.config import CameraSettings, Scenario, load_scenario
 from muro_zenoh.messages import Frame, Health, Truth
 from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
-from muro_zenoh.simulation.plant import Plant, random_starts
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)

@@ -20,7 +20,8 @@ from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.control import ring
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import FleetSnapshot, Health, PoseFix, Reply
-from muro_zenoh.simulation.plant import Plant, random_starts
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.virtual_time import VirtualClock
 
