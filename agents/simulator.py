@@ -16,7 +16,8 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready
-from muro_zenoh.simulation.plant import Plant, random_starts
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
 _TRUTH_PERIOD = 0.05

@@ -1,4 +1,4 @@
-"""One spelling of elementary functions for plain floats and for arrays.
+"""Elementary functions under one name for plain floats and for arrays.
 
 A law is written once and called with floats by an agent and with arrays by the lock-step rollout::
 

@@ -3,7 +3,7 @@
 ::
 
     MuroError                     anything this project raises on purpose; the CLI prints it without a traceback
-    ├── ConfigError               a settings file says something wrong, or something impossible
+    ├── ConfigError               settings that are wrong or impossible
     ├── ParameterError            a parameter of a law or a behaviour that makes no sense, or does not fit the others
     ├── MessageError              bytes from the network that are not the message their key promises
     ├── TransportError            the bus could not do what it was asked
@@ -24,13 +24,13 @@ class MuroError(Exception):
 
 
 class ConfigError(MuroError):
-    """A settings file says something wrong, or something impossible.
+    """Settings that are wrong or impossible.
 
     Args:
         where: the file and the full path of the key, such as ``fleet.toml: robot.r1.radius``.
-        got: what stands there.
-        expected: what should stand there.
-        hint: what to do next, if there is more to say.
+        got: the value found.
+        expected: what would be right.
+        hint: what to do next, where that is not obvious.
     """
 
     def __init__(self, where: str, *, got: str, expected: str, hint: str = "") -> None:
@@ -48,8 +48,8 @@ class ParameterError(MuroError, ValueError):
     Args:
         what: the parameter, such as ``v_min``.
         got: its value.
-        expected: what would do.
-        hint: what to do next, if there is more to say.
+        expected: what would be right.
+        hint: what to do next, where that is not obvious.
     """
 
     def __init__(self, what: str, *, got: str, expected: str, hint: str = "") -> None:

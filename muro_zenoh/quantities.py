@@ -1,4 +1,4 @@
-"""Numbers with a unit and limits, declared once on the field of a value, and read by whoever checks or explains it.
+"""Numbers with a unit and limits, declared once on the field of a value, and read by all that checks or explains it.
 
 ::
 
@@ -31,7 +31,7 @@ class Quantity:
         at_least: only values of at least this.
         below: only values below this.
         at_most: only values of at most this.
-        finite: whether infinity is no value either.
+        finite: whether infinity is refused, too.
         whole: whether only whole numbers make sense.
     """
 

@@ -1,7 +1,7 @@
 """Settings: TOML files become frozen values, or a :class:`~muro_zenoh.errors.ConfigError` that names the key.
 
 A fleet file says what a lab has (``[all]``, ``[robot.r1]``, ``[arena]``, ``[camera.north]``, ``[bus]``); a scenario
-says what it shall do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) and may name a fleet file with
+says what it should do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) and may name a fleet file with
 ``fleet = "lab.toml"``, or have a fleet of its own. A robot's settings cascade: ``[robot.r1]``, else ``[all]``, else
 the default.
 """

@@ -1,4 +1,4 @@
-"""What a settings error says: what was got, and what a type expects."""
+"""The words of a settings error: what was got, and what a type expects."""
 
 from __future__ import annotations
 

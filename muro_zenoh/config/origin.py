@@ -32,7 +32,7 @@ class Origin:
 
         Args:
             key: the full key, or the start of it.
-            before: what stands before the key in an error, such as ``lab.toml:`` and a space.
+            before: what an error shows before the key, such as ``lab.toml:`` and a space.
         """
         self._others = {known: said for known, said in self._others.items() if not known.startswith(f"{key}.")}
         self._others[key] = before

@@ -37,7 +37,7 @@ _SECTIONS: Final[dict[str, Any]] = {
     "checks": Checks(),
     "simulation": Simulation(),
 }
-"""The sections that are one value each, as they are when nothing is given."""
+"""The sections that are one value each, with their defaults."""
 
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
@@ -142,7 +142,7 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
     read_section(RobotSettings, common, origin, "all")  # so that an error there is named there
     given = _table(table, "robot", origin)
     if given and "robots" in table:
-        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="either the one or the other")
+        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="one or the other")
     if wanted is None and "robots" in table:
         wanted = read_value(Annotated[int, Quantity(at_least=1, whole=True)], table["robots"], origin, "robots")
     if given:

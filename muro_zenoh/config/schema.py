@@ -1,7 +1,7 @@
 """How a section of a settings file is declared.
 
 A section is a frozen dataclass (or a :class:`msgspec.Struct`); each field is a key. Dataclasses in it need no table of
-their own: their keys are lifted and stand beside the outer ones::
+their own: their keys are lifted, to be given beside the outer ones::
 
     @dataclass(frozen=True, slots=True)
     class Parameters:
@@ -33,7 +33,7 @@ class Field(NamedTuple):
     Attributes:
         name: of it.
         hint: its type.
-        lifted: the dataclasses whose keys are lifted, by ``NAME``; one alone, which needs no name, stands under "".
+        lifted: the dataclasses whose keys are lifted, by ``NAME``; a single one, which needs no name, is under "".
         optional: whether it may be None.
         default: what it is when nothing is given; ``REQUIRED`` when it must be given.
     """

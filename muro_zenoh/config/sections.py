@@ -66,7 +66,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         a_max: strongest acceleration [m/s^2].
         alpha_max: strongest angular acceleration [rad/s^2].
         brake: strongest braking [m/s^2].
-        lag: time constant of the wheels' speed control [s]; laws are evaluated so far ahead.
+        lag: time constant of the wheels' speed control [s]; laws are evaluated that far ahead.
         base: what turns its wheels.
     """
 
@@ -158,8 +158,8 @@ class BusSettings(Section, frozen=True, kw_only=True):
         mode: Zenoh's: ``client`` of a router, ``peer`` (to connect to several endpoints), or ``router``.
         connect: endpoints to connect to.
         listen: endpoints to listen on.
-        config: a Zenoh configuration file (JSON5) on which these settings are laid.
-        lease: a link that was silent for so long is given up [s].
+        config: a Zenoh configuration file (JSON5), which these settings override.
+        lease: a link that is silent for this long is closed [s].
     """
 
     realm: Realm = "muro"
@@ -186,15 +186,15 @@ class Checks(Section, frozen=True, kw_only=True):
     """What a run must meet for exit code 0; a check that is not set is not made.
 
     Attributes:
-        window: the errors are judged over the last so many seconds [s].
-        settle_time: settled at most so long after the start [s].
+        window: the errors are judged over this much time at the end [s].
+        settle_time: from the start until settled, at most [s].
         radius_error_p95: at most [m].
         spacing_error_p95: at most [rad].
         fix_rate: at least, for every robot [Hz].
         pose_age_p99: at most [s].
         collisions: at most.
-        goals_missed: at most so many of the scenario's goals are not reached.
-        goal_distance: from a goal, of who stands at it, at most [m].
+        goals_missed: how many of the scenario's goals are not reached, at most.
+        goal_distance: from a goal to the robot that stopped at it, at most [m].
         goal_heading: off the heading asked for at a goal, at most [rad].
         tracking_error_p95: distance from the planned path, at most [m].
         peak_speed_ratio: every robot's greatest speed on a straight over its ``v_min``, at least.
@@ -228,10 +228,10 @@ class Simulation(Section, frozen=True, kw_only=True):
     """What the simulator hides from the robots.
 
     Attributes:
-        drive_error: each robot's wheels do up to this fraction more or less than they say.
+        drive_error: each robot's wheels do up to this fraction more or less than they report.
         slip: standard deviation of the distance really driven [m/sqrt(m)] and of the angle turned.
-        image_noise: of the camera's grey values, standard deviation [0..255]. Not 0: pictures that are alike to the
-            last bit are those of a camera that is stuck.
+        image_noise: of the camera's grey values, standard deviation [0..255]. Not 0: identical pictures are those
+            of a camera that is stuck.
         image_blur: of the camera, standard deviation [px].
         camera_latency: from capture to sending [s].
     """

@@ -81,7 +81,7 @@ class PathError(NamedTuple):
     """Where a robot is relative to a path.
 
     Args:
-        s: the way along the path to its nearest point [m].
+        s: the distance along the path to its nearest point [m].
         lateral: how far left of it the robot is [m].
         dtheta: heading minus the path's there [rad, (-pi, pi]].
         curvature: the path's there [1/m], to the left positive.
@@ -99,7 +99,7 @@ def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: fl
     Args:
         path: the path.
         pose: where the robot is [world].
-        s: the way along the path at the step before [m]; 0 at first.
+        s: the distance along the path at the step before [m]; 0 at first.
         behind: how far back to look for the nearest point [m].
         ahead: how far on to look [m]; more than a robot drives in one step, less than half a turn on the path.
     """
@@ -114,7 +114,7 @@ class Progress(NamedTuple):
     """The memory of :func:`follow_path`.
 
     Args:
-        s: the way along the path so far [m].
+        s: the distance along the path until now [m].
         v: the speed asked for last [m/s].
     """
 
@@ -127,9 +127,9 @@ class FollowStep(NamedTuple):
 
     Args:
         twist: what to drive.
-        progress: to hand in next time.
+        progress: for the next step.
         error: where the robot is relative to the path.
-        to_go: the way left [m].
+        to_go: the distance left [m].
         arrived: whether that is within the tolerance; the twist's speed is then 0.
     """
 

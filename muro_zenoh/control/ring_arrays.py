@@ -23,24 +23,24 @@ def array_gaps(
         Gap to the successor and from the predecessor [rad], shape ``[..., robots]``, a whole turn each for robots not
         on the ring; robots on the ring, shape ``[..., 1]``.
     """
-    way = np.mod(-angles if clockwise else angles, TWO_PI)
+    travelled = np.mod(-angles if clockwise else angles, TWO_PI)
     if eligible is not None:
-        way = np.where(eligible, way, np.inf)
+        travelled = np.where(eligible, travelled, np.inf)
         count = eligible.sum(axis=-1, keepdims=True)
     else:
         count = np.full((*angles.shape[:-1], 1), angles.shape[-1])
-    index = np.argsort(way, axis=-1, kind="stable")
-    ways = np.take_along_axis(way, index, axis=-1)
+    index = np.argsort(travelled, axis=-1, kind="stable")
+    ordered = np.take_along_axis(travelled, index, axis=-1)
     place = np.broadcast_to(np.arange(angles.shape[-1]), angles.shape)
     last = place == count - 1
     successor = np.where(last, 0, np.minimum(place + 1, angles.shape[-1] - 1))
     on_ring = place < count
     with np.errstate(invalid="ignore"):  # inf - inf, off the ring, overwritten below
-        ahead = np.take_along_axis(ways, successor, axis=-1) - ways + np.where(last, TWO_PI, 0.0)
+        ahead = np.take_along_axis(ordered, successor, axis=-1) - ordered + np.where(last, TWO_PI, 0.0)
     ahead = np.where(on_ring, ahead, TWO_PI)
     predecessor = np.where(place == 0, np.maximum(count - 1, 0), place - 1)
     behind = np.where(on_ring, np.take_along_axis(ahead, predecessor, axis=-1), TWO_PI)
-    gap, gap_behind = np.empty_like(way), np.empty_like(way)
+    gap, gap_behind = np.empty_like(travelled), np.empty_like(travelled)
     np.put_along_axis(gap, index, ahead, axis=-1)
     np.put_along_axis(gap_behind, index, behind, axis=-1)
     return gap, gap_behind, count

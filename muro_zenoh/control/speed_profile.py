@@ -1,8 +1,8 @@
 """Driving along a path as a car does: slow in curves, faster on straights, slowing down in time.
 
-Seed 004, section 4.3, with its traps taken out: whether the path turns is read from the path, left and right alike (the
-seed tests ``omega > 0`` and so takes right turns for straights); accelerations are per second, not per loop; distances
-are along the path; and the speed falls before an arc, not at it.
+Seed 004, section 4.3, with its mistakes corrected: whether the path turns is read from the path, for both directions
+(the seed tests ``omega > 0`` and so takes right turns for straights); accelerations are per second, not per loop;
+distances are along the path; and the speed falls before an arc, not at it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class SpeedProfile:
         deceleration: slowing down before arcs and the goal [m/s^2].
         approach: speed per distance to go near the goal [1/s]; the p of seed 004.
         tolerance: arrived within this distance along the path [m].
-        creep: least speed until arrived [m/s]: proportional alone would take for ever.
+        creep: least speed until arrived [m/s]: proportional alone would take forever.
         reaction: time until a slower command is felt at the wheels [s]; braking begins that much earlier.
         omega_max: greatest turning rate [rad/s]: on tight arcs the speed is below ``v_min``.
 
@@ -86,7 +86,7 @@ def path_speed(path: Path, s: float, v: float, dt: float, profile: SpeedProfile)
 
     Args:
         path: the path.
-        s: the distance along it so far [m].
+        s: the distance along it until now [m].
         v: what this function returned the last time; 0 at first [m/s].
         dt: time since then [s].
         profile: the limits.
@@ -98,8 +98,8 @@ def path_speed(path: Path, s: float, v: float, dt: float, profile: SpeedProfile)
         return 0.0
     limit = min(profile.approach * to_go, profile.speed_before(to_go, 0.0))
     for k, (length, curvature) in enumerate(path.segments):
-        if length <= 0.0 or path.ways[k + 1] <= s:
+        if length <= 0.0 or path.distances[k + 1] <= s:
             continue
-        limit = min(limit, profile.speed_before(path.ways[k] - s, profile.speed_on(curvature)))
+        limit = min(limit, profile.speed_before(path.distances[k] - s, profile.speed_on(curvature)))
     limit = max(limit, profile.creep)
     return min(max(limit, v - profile.deceleration * dt), v + profile.acceleration * dt, profile.v_max)

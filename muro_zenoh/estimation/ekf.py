@@ -3,9 +3,9 @@
 State x, y, theta, s_v, s_omega: the wheels report (v, omega), the robot does (s_v v, s_omega omega), so that
 calD = 1 / s_v and cal0 = 1 / s_omega (seed 000, section 3.3; seed 004, localization). The mean is five scalars and the
 covariance its fifteen upper-triangle entries, each a float or an array with one entry per robot: an agent runs the
-filter on plain floats, the lock-step rollout on thousands of robots at once, and there is one spelling of it.
+filter on plain floats, the lock-step rollout on thousands of robots at once, with the same code.
 
-The covariance moves only when a fix is taken: :func:`drive` carries the pose along the inputs and gathers, on the way,
+The covariance moves only when a fix is taken: :func:`drive` carries the pose along the inputs and gathers, meanwhile,
 the Jacobian of the whole stretch since the last fix; :func:`predict` applies it once. The map is linear in s_v and
 a rotation in theta, so those columns are exact in closed form.
 """
@@ -132,7 +132,7 @@ class Fix(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """A stretch driven from a mean: the pose at its end, and what the covariance needs to know of the way.
+    """A stretch driven from a mean: the pose at its end, and what the covariance needs to know of it.
 
     ``x``, ``y`` [m, world], ``theta`` [rad, not wrapped]. ``turn``: angle the nominal wheels turned [rad], signed.
     ``x_by_w``, ``y_by_w``: derivatives of the end's place by s_omega [m]. ``path``, ``spin``: distance and angle of the

@@ -95,18 +95,18 @@ def follow(speed: Scalar, target: Scalar, grow: Any, fall: Any, lag: Any, dt: fl
 
 def _reverse(xp: Any, speed: Any, target: Any, grow: Any, fall: Any, lag: Any, dt: float) -> Any:
     """The speed after ``dt`` where the sign changes: braked to standstill, then driven from there."""
-    # From |gap| down to |target| is the way to standstill: a ramp down to the knee, an exponential below it.
+    # Braking to standstill takes the gap from |gap| down to |target|: a ramp down to the knee, an exponential below it.
     gap = target - speed
-    way, rest, knee = abs(gap), xp.maximum(abs(target), _TINY), fall * lag
-    braking = xp.maximum(0.0, way - xp.maximum(rest, knee)) / fall
-    braking = braking + lag * xp.log(xp.maximum(xp.minimum(way, knee), rest) / rest)
+    size, rest, knee = abs(gap), xp.maximum(abs(target), _TINY), fall * lag
+    braking = xp.maximum(0.0, size - xp.maximum(rest, knee)) / fall
+    braking = braking + lag * xp.log(xp.maximum(xp.minimum(size, knee), rest) / rest)
     from_rest = _approach(xp, target, target, grow, lag, xp.maximum(0.0, dt - braking))
     return xp.where(braking < dt, from_rest, _approach(xp, target, gap, fall, lag, dt))
 
 
 def _approach(xp: Any, target: Any, gap: Any, limit: Any, lag: Any, dt: Any) -> Any:
     """Closed form of the limited lag: a ramp until the gap is ``limit * lag``, then an exponential."""
-    way = abs(gap)
-    ramp = xp.minimum(xp.maximum(way / limit - lag, 0.0), dt)
-    left = (way - limit * ramp) * xp.exp((ramp - dt) / lag)
+    size = abs(gap)
+    ramp = xp.minimum(xp.maximum(size / limit - lag, 0.0), dt)
+    left = (size - limit * ramp) * xp.exp((ramp - dt) / lag)
     return target - xp.copysign(left, gap)

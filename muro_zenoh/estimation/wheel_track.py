@@ -24,7 +24,8 @@ LONGEST_ARC = 0.05 + 1e-9
 
 _INSTANT = 1e-9
 _SILENCE = 0.5
-"""Of a silence longer than this the wheels stood still in the rest: the base's dead-man has stopped them [s]."""
+"""In a gap between knots that is longer than this, the wheels are taken to have stopped after it: the base's command
+timeout has stopped them [s]."""
 _MOST_KNOTS = 512
 _MOST_COMMANDS = 64
 
@@ -117,7 +118,7 @@ class WheelTrack:
             del self._knots[: min(needless, len(self._knots) - 1 - self._modelled)]
 
     def walk(self, start: float, end: float) -> tuple[list[Piece], tuple[float, float]]:
-        """The arcs from ``start`` to ``end``, and the speeds there; zero when nothing was ever heard.
+        """The arcs from ``start`` to ``end``, and the speeds there; zero when nothing was ever received.
 
         Knots closer together than 50 ms are gathered into arcs of about that length: what the mean speeds miss of a
         50 ms arc is far below the slip, and the filter costs as much per arc as per knot.
@@ -138,7 +139,7 @@ class WheelTrack:
         if end > knots[-1][0]:
             then += self._ahead(end)
         arcs: list[Piece] = []
-        way = angle = span = 0.0  # of the arc being gathered
+        distance = angle = span = 0.0  # of the arc being gathered
         for t1, v1, omega1 in then:
             if t >= end:
                 break
@@ -149,15 +150,15 @@ class WheelTrack:
                 dt = t1 - t
                 driven = 0.5 * min(dt, _SILENCE)
                 if span + dt > LONGEST_ARC and span > 0.0:
-                    arcs.append((way / span, angle / span, span))
-                    way = angle = span = 0.0
-                way += driven * (v + v1)
+                    arcs.append((distance / span, angle / span, span))
+                    distance = angle = span = 0.0
+                distance += driven * (v + v1)
                 angle += driven * (omega + omega1)
                 span += dt
                 t = t1
             v, omega = v1, omega1
         if span > 0.0:
-            arcs.append((way / span, angle / span, span))
+            arcs.append((distance / span, angle / span, span))
         return arcs, (v, omega)
 
     def _between(self, i: int, t: float) -> tuple[float, float]:
@@ -174,7 +175,7 @@ class WheelTrack:
         """From the newest knot to ``end`` under the commands: the knots that the wheel model predicts."""
         t, v, omega = self._knots[-1]
         commands = self._commands
-        if not commands:  # nobody tells what is sent: the wheels go on as they do
+        if not commands:  # unknown what was sent: the wheels keep their speeds
             return [(end, v, omega)] if end > t else []
         steps: list[Timed] = []
         i = max(0, bisect_right(commands, (t, math.inf, math.inf)) - 1)

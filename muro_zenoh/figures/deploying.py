@@ -29,19 +29,19 @@ def coverage_cells(effort: Effort) -> Figure:
     """
     places = np.random.default_rng(5).uniform((0.2, 1.9), (1.5, 2.8), (ROBOTS, 2))
     sites: list[Point] = [(float(x), float(y)) for x, y in places]
-    ways = [sites]
+    places_by_step = [sites]
     for _ in range(max(2, round(STEPS * effort.share))):
-        ways.append(list(lloyd_step(ways[-1], ARENA, DENSITY)))
+        places_by_step.append(list(lloyd_step(places_by_step[-1], ARENA, DENSITY)))
     figure, (before, after, cost) = sheet(PAGE, 2.5, 1, 3, width_ratios=(1.0, 1.0, 0.75))
-    _draw_cells(before, ways[0])
-    _draw_cells(after, ways[-1])
-    steps = np.array(ways)
+    _draw_cells(before, places_by_step[0])
+    _draw_cells(after, places_by_step[-1])
+    steps = np.array(places_by_step)
     for k in range(ROBOTS):
         after.plot(
-            steps[:, k, 0], steps[:, k, 1], color=ORANGE, linewidth=0.7, zorder=3, label="way" if k == 0 else None
+            steps[:, k, 0], steps[:, k, 1], color=ORANGE, linewidth=0.7, zorder=3, label="path" if k == 0 else None
         )
-    cost.plot([coverage_cost(places, ARENA, DENSITY) for places in ways], color=BLUE)
-    cost.set_xlim(0, len(ways) - 1)
+    cost.plot([coverage_cost(places, ARENA, DENSITY) for places in places_by_step], color=BLUE)
+    cost.set_xlim(0, len(places_by_step) - 1)
     cost.set_yscale("log")
     cost.set_ylim(0.5, 12.0)
     log_ticks(cost.yaxis, (0.5, 1.0, 2.0, 5.0, 10.0))
@@ -49,7 +49,7 @@ def coverage_cells(effort: Effort) -> Figure:
     cost.set_ylabel("cost [m⁴]")
     figure.legend(*after.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     part_label(before, "a", "at the start")
-    part_label(after, "b", f"after {len(ways) - 1} steps")
+    part_label(after, "b", f"after {len(places_by_step) - 1} steps")
     part_label(cost, "c")
     return figure
 

@@ -35,7 +35,7 @@ def dubins(effort: Effort) -> Figure:
     """
     path = plan(START, GOAL, TURNING_RADIUS)
     fleet = Fleet(np.array([START]), NOISY, np.random.default_rng(1))
-    progress, ways, asked, driven, offsets = Progress(), [], [], [], []
+    progress, along, asked, driven, offsets = Progress(), [], [], [], []
 
     def policy(t: float, ahead: State) -> tuple[Array, Array]:
         nonlocal progress
@@ -43,10 +43,10 @@ def dubins(effort: Effort) -> Figure:
         step = follow_path(path, pose, progress, NOISY.period, GAINS, PROFILE)
         progress = step.progress
         x, y = map(float, fleet.plant.pose[0, :2])
-        ways.append(path.project(x, y, step.error.s - 0.1, step.error.s + 0.1))
+        along.append(path.project(x, y, step.error.s - 0.1, step.error.s + 0.1))
         asked.append(step.twist.v)
         driven.append(float(fleet.plant.twist[0, 0]))
-        there = path.pose_at(ways[-1])
+        there = path.pose_at(along[-1])
         side = np.cos(there.theta) * (y - there.y) - np.sin(there.theta) * (x - there.x)
         offsets.append(float(side))
         return np.array([step.twist.v]), np.array([step.twist.omega])
@@ -71,20 +71,20 @@ def dubins(effort: Effort) -> Figure:
     for axes in (speed, offset):
         for k, (_, curvature) in enumerate(path.segments):
             if abs(curvature) >= STRAIGHT:
-                axes.axvspan(path.ways[k], path.ways[k + 1], color=PALE, linewidth=0)
+                axes.axvspan(path.distances[k], path.distances[k + 1], color=PALE, linewidth=0)
         axes.set_xlim(0.0, path.length)
         axes.grid(visible=False)
-    speed.plot(ways, asked, color=ORANGE, linestyle=(0, (5, 1.5)), label="asked")
-    speed.plot(ways, driven, color=BLUE, label="driven")
+    speed.plot(along, asked, color=ORANGE, linestyle=(0, (5, 1.5)), label="asked")
+    speed.plot(along, driven, color=BLUE, label="driven")
     for v in (PROFILE.v_min, PROFILE.v_max):
         speed.axhline(v, color=GREY, linestyle=(0, (1, 1)), linewidth=0.9)
     speed.set_ylim(0.0, 0.36)
     speed.set_ylabel("speed [m/s]")
     speed.tick_params(labelbottom=False)
     speed.legend(loc="center")
-    offset.plot(ways, 1e3 * np.array(offsets), color=BLUE)
+    offset.plot(along, 1e3 * np.array(offsets), color=BLUE)
     offset.axhline(0.0, color=BLACK, linewidth=0.6)
-    offset.set_xlabel("way along the path [m]")
+    offset.set_xlabel("distance along the path [m]")
     offset.set_ylabel("offset [mm]")
     for letter, axes in zip("abc", (plan_axes, speed, offset), strict=True):
         part_label(axes, letter)

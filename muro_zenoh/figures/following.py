@@ -53,7 +53,7 @@ LAW_LOOKS: Final = {
 
 
 def gain_too_low(effort: Effort) -> Figure:
-    """Seed 000, figure 1: the passivity law overshoots for ever.
+    """Seed 000, figure 1: the passivity law overshoots forever.
 
     Args:
         effort: how much is simulated.
@@ -139,7 +139,7 @@ def noisy_trajectory(effort: Effort) -> Figure:
 
 
 class _Noted(NamedTuple):
-    """A robot in the noisy loop: its way, what the camera said and what the filter found."""
+    """A robot in the noisy loop: its path, what the camera measured and what the filter estimated."""
 
     track: Track
     fix_time: Array

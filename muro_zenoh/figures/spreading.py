@@ -95,9 +95,11 @@ def _ring_after(steps: int) -> Figure:
     plan_view(plan, CIRCLE)
     number = np.arange(1, ROBOTS + 1)
     for k in range(ROBOTS):
-        way = np.array((math.cos(angle[k]), math.sin(angle[k])))
-        plan.plot(*(CIRCLE.radius * way), "o", color=BLUE, markersize=7, markeredgecolor="white", markeredgewidth=0.6)
-        plan.text(*(1.2 * CIRCLE.radius * way), f"{number[k]}", ha="center", va="center", fontsize=7, color=BLACK)
+        outwards = np.array((math.cos(angle[k]), math.sin(angle[k])))
+        plan.plot(
+            *(CIRCLE.radius * outwards), "o", color=BLUE, markersize=7, markeredgecolor="white", markeredgewidth=0.6
+        )
+        plan.text(*(1.2 * CIRCLE.radius * outwards), f"{number[k]}", ha="center", va="center", fontsize=7, color=BLACK)
     plan.set_xlim(-1.55, 1.55)
     plan.set_ylim(-1.55, 1.55)
     bars.bar(number, gap, color=BLUE, width=0.7)

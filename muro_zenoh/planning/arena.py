@@ -13,7 +13,7 @@ from muro_zenoh.planning.path import Path
 
 
 def require_goal_inside(goal: Pose2, bounds: Bounds, margin: float = 0.0) -> None:
-    """Refuse a goal that a robot cannot stand on.
+    """Refuse a goal that a robot cannot reach.
 
     Args:
         goal: the goal [world].
@@ -21,7 +21,7 @@ def require_goal_inside(goal: Pose2, bounds: Bounds, margin: float = 0.0) -> Non
         margin: distance that the robot's middle keeps from the walls [m].
 
     Raises:
-        PlanningError: the goal is outside; the message says where and what would do.
+        PlanningError: the goal is outside; the message says where, and what would be inside.
     """
     inside = bounds.shrunk(margin)
     if not inside.holds(goal.x, goal.y):
@@ -32,7 +32,7 @@ def require_goal_inside(goal: Pose2, bounds: Bounds, margin: float = 0.0) -> Non
 
 
 def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None:
-    """Refuse a path that leaves the arena on its way; exact on arcs.
+    """Refuse a path that leaves the arena anywhere; exact on arcs.
 
     Args:
         path: the path.
@@ -67,7 +67,7 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
     """
     require_goal_inside(goal, bounds, margin)
     inside = bounds.shrunk(margin)
-    # A robot that is already nearer to a wall than the margin must be able to come away from it.
+    # A robot that is already nearer to a wall than the margin must be able to leave it.
     room = Bounds(
         min(inside.x_min, start.x), max(inside.x_max, start.x), min(inside.y_min, start.y), max(inside.y_max, start.y)
     )

@@ -86,7 +86,7 @@ def cell_cost(site: Point, polygon: Polygon, density: Density | None = None) -> 
     Args:
         site: where the robot is [m, world].
         polygon: its cell; empty costs nothing.
-        density: how much each place matters; None for all alike (1).
+        density: how much each place matters; None for uniform (1).
     """
     if not polygon:
         return 0.0
@@ -97,12 +97,12 @@ def cell_cost(site: Point, polygon: Polygon, density: Density | None = None) -> 
 
 
 def coverage_cost(sites: Sequence[Point], bounds: Bounds, density: Density | None = None) -> float:
-    """What a deployment costs: each place weighted with the square of the way from its nearest robot.
+    """What a deployment costs: each place weighted with the square of the distance from its nearest robot.
 
     Args:
         sites: where the robots are [m, world].
         bounds: the arena.
-        density: how much each place matters; None for all alike (1).
+        density: how much each place matters; None for uniform (1).
     """
     apart = _apart(sites)
     return sum(cell_cost(site, polygon, density) for site, polygon in zip(apart, cells(apart, bounds), strict=True))
@@ -111,14 +111,14 @@ def coverage_cost(sites: Sequence[Point], bounds: Bounds, density: Density | Non
 def lloyd_goal(k: int, sites: Sequence[Point], bounds: Bounds, density: Density | None = None) -> Point:
     """Where one robot should go: the centroid of its own cell [m, world].
 
-    Robots at the same place are taken a hair apart, in their order, or they would never part. A robot outside the
+    Robots at the same place are treated as a micrometre apart, or they would never separate. A robot outside the
     arena whose cell is empty goes to the nearest place inside.
 
     Args:
         k: which robot.
         sites: where all robots are [m, world].
         bounds: the arena.
-        density: how much each place matters; None for all alike.
+        density: how much each place matters; None for uniform.
     """
     apart = _apart(sites)
     polygon = cell(k, apart, bounds)
@@ -131,17 +131,17 @@ def lloyd_step(sites: Sequence[Point], bounds: Bounds, density: Density | None =
     Args:
         sites: where the robots are [m, world].
         bounds: the arena.
-        density: how much each place matters; None for all alike.
+        density: how much each place matters; None for uniform.
     """
     return tuple(lloyd_goal(k, sites, bounds, density) for k in range(len(sites)))
 
 
 class Round(NamedTuple):
-    """Where a round of a deployment is: all go, all stand for a while, all look where to go next.
+    """Where a round of a deployment is: all robots go, all rest for a while, all choose where to go next.
 
     Args:
-        rest_since: since when all robots have stood [s]; None while one moves.
-        due: whether all have stood for the hold time: the next round begins now.
+        rest_since: when all robots came to rest [s]; None while one moves.
+        due: whether all have rested for the hold time: the next round begins now.
     """
 
     rest_since: float | None = None
@@ -151,13 +151,13 @@ class Round(NamedTuple):
 def next_round(now: float, rest: bool, before: Round, hold_time: float) -> Round:
     """Follow the rounds from one look at the fleet to the next.
 
-    Robots that look at the same snapshots, and tell time by their stamps, begin every round together.
+    Robots that use the same snapshots, and their stamps as the time, begin every round together.
 
     Args:
         now: the time of this look [s].
-        rest: whether all robots stand.
+        rest: whether all robots are stationary.
         before: what this function returned at the last look; ``Round()`` at first.
-        hold_time: how long all must have stood [s].
+        hold_time: how long all must have rested [s].
     """
     if not rest:
         return Round()

@@ -18,7 +18,7 @@ class Destination(NamedTuple):
 
 
 def goal_heading(pose: Pose2, x: float, y: float) -> float:
-    """The direction from the robot to the goal [rad, (-pi, pi]]: the robot will go on the way it has come.
+    """The direction from the robot to the goal [rad, (-pi, pi]]: it arrives heading the way it came.
 
     ``theta = atan2(y_goal - y, x_goal - x)``; at the goal itself (within 1 mm) the heading that the robot has.
 

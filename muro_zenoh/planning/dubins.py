@@ -109,7 +109,7 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
             word = "RSR"
             first, middle, last = t, p, q
 
-    # From left centre to right centre and the other way about: the arcs differ by the net turn.
+    # From left centre to right centre and vice versa: the arcs differ by the net turn.
     spare = best - (to_left if to_left < to_right else to_right)
     spare = 4.0 + spare * spare if spare > 0.0 else 0.0
     x, y = dx + s0 + s1, dy - c0 - c1

@@ -1,4 +1,4 @@
-"""A planned path: a start and a chain of arcs and straights, parametrised by the way along it.
+"""A planned path: a start and a chain of arcs and straights, parametrised by the distance along it.
 
 Plain data, a start pose and ``(length, curvature)`` rows, so that it can be sent as a message and rebuilt from one.
 """
@@ -39,17 +39,17 @@ class Path:
 
     Attributes:
         knots: the pose at the start of each segment, and the end; one more than there are segments.
-        ways: the way along the path to each knot [m].
+        distances: the distance along the path to each knot [m].
     """
 
     start: Pose2
     segments: tuple[Segment, ...]
     knots: tuple[Pose2, ...] = field(init=False, repr=False, compare=False)
-    ways: tuple[float, ...] = field(init=False, repr=False, compare=False)
+    distances: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        (x, y, theta), way = self.start, 0.0
-        knots, ways = [self.start], [way]
+        (x, y, theta), distance = self.start, 0.0
+        knots, distances = [self.start], [distance]
         for length, curvature in self.segments:
             if not (length >= 0.0 and math.isfinite(length + curvature)):
                 raise ValueError(
@@ -58,16 +58,16 @@ class Path:
                 )
             if length > 0.0:
                 x, y, theta = advance(knots[-1], length, length * curvature, 1.0)
-                way += length
+                distance += length
             knots.append(Pose2(x, y, theta))
-            ways.append(way)
+            distances.append(distance)
         object.__setattr__(self, "knots", tuple(knots))
-        object.__setattr__(self, "ways", tuple(ways))
+        object.__setattr__(self, "distances", tuple(distances))
 
     @property
     def length(self) -> float:
-        """The whole way [m]."""
-        return self.ways[-1]
+        """The whole length [m]."""
+        return self.distances[-1]
 
     @property
     def end(self) -> Pose2:
@@ -77,7 +77,7 @@ class Path:
     def _segment_at(self, s: float) -> int:
         """Index of the segment that holds ``s``; at a knot, the later one that has a length."""
         for k in range(len(self.segments)):
-            if s < self.ways[k + 1]:
+            if s < self.distances[k + 1]:
                 return k
         return len(self.segments) - 1
 
@@ -85,21 +85,21 @@ class Path:
         """The pose on the path [world].
 
         Args:
-            s: the way along it [m]; before the start and beyond the end it is the start or the end.
+            s: the distance along it [m]; before the start and beyond the end it is the start or the end.
         """
         if not self.segments or s <= 0.0:
             return self.start
         if s >= self.length:
             return self.end
         k = self._segment_at(s)
-        part = s - self.ways[k]
+        part = s - self.distances[k]
         return advance(self.knots[k], part, part * self.segments[k].curvature, 1.0)
 
     def curvature_at(self, s: float) -> float:
         """The signed curvature [1/m], to the left positive; at a knot that of the segment after it.
 
         Args:
-            s: the way along the path [m]; before the start and beyond the end it is that of the first or last segment.
+            s: the distance along the path [m]; before the start and beyond the end the first or last segment counts.
         """
         return self.segments[self._segment_at(s)].curvature if self.segments else 0.0
 
@@ -107,14 +107,14 @@ class Path:
         """Poses along the path [world], evenly spaced, both ends included.
 
         Args:
-            step: greatest way between two poses [m], above 0.
+            step: greatest distance between two poses [m], above 0.
         """
         count = max(math.ceil(self.length / step - 1e-9), 1)
         for k in range(count + 1):
             yield self.pose_at(self.length * k / count)
 
     def project(self, x: float, y: float, low: float = 0.0, high: float = math.inf) -> float:
-        """The way along the path [m] to its point nearest to a place, exact on arcs and straights.
+        """The distance along the path [m] to its point nearest to a place, exact on arcs and straights.
 
         Args:
             x: the place [m, world].
@@ -126,7 +126,7 @@ class Path:
         high = max(min(high, self.length), low)
         best, nearest = low, math.inf
         for k, (length, curvature) in enumerate(self.segments):
-            first, last = max(low - self.ways[k], 0.0), min(high - self.ways[k], length)
+            first, last = max(low - self.distances[k], 0.0), min(high - self.distances[k], length)
             if first > last:
                 continue
             knot = self.knots[k]
@@ -134,7 +134,7 @@ class Path:
                 there = advance(knot, part, part * curvature, 1.0)
                 distance = (there.x - x) ** 2 + (there.y - y) ** 2
                 if distance < nearest:
-                    best, nearest = self.ways[k] + part, distance
+                    best, nearest = self.distances[k] + part, distance
         return best
 
     def extent(self) -> tuple[float, float, float, float]:

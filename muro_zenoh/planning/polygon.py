@@ -55,7 +55,7 @@ def centroid(polygon: Polygon, density: Density | None = None) -> Point:
 
     Args:
         polygon: the cell, not empty.
-        density: how much each place matters; None for all alike, which is exact.
+        density: how much each place matters; None for uniform, which is exact.
 
     Raises:
         ValueError: an empty cell.

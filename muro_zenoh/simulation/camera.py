@@ -1,6 +1,6 @@
 """The picture that an overhead camera takes of the robots: the stand-in for a real one.
 
-Metres become pixels here and nowhere else in the simulation; the way back belongs to ``basestation.localization``. The
+Metres become pixels here and nowhere else in the simulation; the inverse belongs to ``basestation.localization``. The
 picture has what a tag detector has to live with: an uneven floor, dark bodies, optical blur, sensor noise, and tags
 cut by the picture's edge.
 
@@ -31,7 +31,7 @@ FLOOR: Final = 165
 """Mean grey level of the floor."""
 
 _SHIFT = 4  # binary places of the sub-pixel coordinates that fillConvexPoly takes
-_BANK = 96  # a noise crop starts at any of so many rows and columns: 9216 different frames
+_BANK = 96  # a noise crop starts at one of 96 rows and columns: 9216 different frames
 _NOWHERE = -1e3  # a coordinate outside every picture [px]
 _RIM = 4  # pixels round a robot that the blur may reach
 

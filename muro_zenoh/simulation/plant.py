@@ -14,16 +14,13 @@ from muro_zenoh.arrays import ARRAYS
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
 from muro_zenoh.simulation.noise import GaussianRows
-from muro_zenoh.simulation.starts import random_starts
-
-__all__ = ["Plant", "random_starts"]
 
 
 class Plant:
     """N unicycles, one array entry each, in the world frame [m, rad, s].
 
     The nominal wheels follow the command (:mod:`muro_zenoh.estimation.wheel_model`). The robot does
-    s_v times their forward and s_omega times their turning speed, and slips besides; its encoders see neither.
+    s_v times their forward and s_omega times their turning speed, and slips, too; its encoders see neither.
 
     Args:
         starts: poses (N, 3): x, y [m], theta [rad].

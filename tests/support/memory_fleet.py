@@ -23,7 +23,8 @@ from muro_zenoh.control import ring
 from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, Message, Reply
 from muro_zenoh.runtime.virtual_time import VirtualClock
-from muro_zenoh.simulation.plant import Plant, random_starts
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, MemoryNetwork, Publisher, make_bus
 
 T = TypeVar("T", bound=Message)

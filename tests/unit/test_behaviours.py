@@ -127,7 +127,7 @@ def test_functions_that_settings_name_come_through_a_door_too() -> None:
         ("dubins", {"v_min": 0.6, "v_max": 0.7}, ["lab.toml: behaviour.v_min", "at most the v_max of robot r1"]),
         ("dubins", {"goals": [[9.0, 0.0]]}, ["lab.toml: behaviour.goals[0]", "(9, 0)", "inside the arena"]),
         ("steer", {"goals": [[1.0]]}, ["lab.toml: behaviour.goals[0]", "1 numbers"]),
-        ("pursuit", {"pursuit": "importance"}, ["lab.toml: behaviour", "importance table", "0 angles"]),
+        ("pursuit", {"pursuit": "importance"}, ["lab.toml: behaviour", "weights", "0 angles"]),
         ("pursuit", {"pursuit": "importance", "importance": "nolab:w"}, ["lab.toml: behaviour", "nolab"]),
         ("coverage", {"peaks": [[1.0, 2.0]]}, ["lab.toml: behaviour.peaks[0]", "2 numbers"]),
         ("circle", {"speed": "fast"}, ["lab.toml: behaviour.speed", "'fast'", "[m/s]"]),

@@ -131,5 +131,5 @@ def test_a_wrong_law_or_gain_is_named_beside_those_there_are() -> None:
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, "3"])
 def test_a_gain_is_a_finite_number_above_0(bad: Any) -> None:
-    with pytest.raises(ValueError, match=r"k_h: got .*finite number above 0"):
+    with pytest.raises(ValueError, match=r"k_h: got .*, expected a number above 0 \[1/s\]"):
         circle_law("vector_field", k_h=bad)

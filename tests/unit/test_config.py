@@ -1,4 +1,4 @@
-"""Settings: what is right is read, what is wrong is named with its file, its full key, what was got and expected."""
+"""Settings: right ones are read, wrong ones are refused with the file, the full key, what was got and expected."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.quantities import Speed, quantities
 
 ROOT = Path(__file__).parents[2]
-BUILT_IN = sorted((ROOT / "muro_zenoh" / "cli" / "scenarios").glob("*.toml"))
+BUILT_IN = sorted((ROOT / "muro_zenoh" / "scenarios").glob("*.toml"))
 DEPLOYED = sorted((ROOT / "deploy").glob("*.toml"))
 
 
@@ -44,17 +44,17 @@ def write(folder: Path, name: str, text: str) -> Path:
 
 
 @pytest.mark.parametrize("path", [*BUILT_IN, *DEPLOYED], ids=lambda path: path.stem)
-def test_the_files_that_we_ship_are_right(path: Path) -> None:
+def test_the_files_that_we_ship_are_valid(path: Path) -> None:
     assert load_scenario(path).robot
 
 
 @pytest.mark.parametrize("path", [*BUILT_IN, *DEPLOYED], ids=lambda path: path.stem)
-def test_a_scenario_survives_the_way_to_a_process(path: Path) -> None:
+def test_a_scenario_can_be_handed_to_a_process(path: Path) -> None:
     scenario = load_scenario(path)
     assert parse_scenario(as_table(scenario), "run.json", name=scenario.name) == scenario
 
 
-def test_an_empty_file_is_a_lab_of_one_robot_that_stands_still() -> None:
+def test_an_empty_file_is_a_lab_of_one_stationary_robot() -> None:
     lab = parse({})
     assert lab.robots == ("r1",)
     assert lab.behaviour == BehaviourSettings(name="hold")
@@ -84,7 +84,7 @@ def test_the_keys_of_a_behaviour_are_its_parameters() -> None:
     assert behaviour.parameters == {"speed": 0.1, "turns": (1, 2.5)}
 
 
-def test_a_scenario_may_lean_on_a_fleet(tmp_path: Path) -> None:
+def test_a_scenario_may_name_a_fleet_file(tmp_path: Path) -> None:
     write(tmp_path, "lab.toml", "[all]\nradius = 0.1\nv_max = 0.3\n[robot.anna]\ntag = 7\n[arena]\nx_max = 3.0\n")
     path = write(tmp_path, "run.toml", 'fleet = "lab.toml"\n[all]\nv_max = 0.2\n[arena]\ny_max = 2.0\n')
     lab = load_scenario(path)
@@ -93,7 +93,7 @@ def test_a_scenario_may_lean_on_a_fleet(tmp_path: Path) -> None:
     assert (lab.arena.x_max, lab.arena.y_max, lab.arena.x_min) == (3.0, 2.0, -2.1)
 
 
-def test_the_command_line_has_the_last_word(tmp_path: Path) -> None:
+def test_the_command_line_overrides_the_file(tmp_path: Path) -> None:
     path = write(tmp_path, "run.toml", "[circle]\nradius = 0.5\n")
     lab = load_scenario(path, overrides={"circle.radius": 0.7, "behaviour.name": "circle", "duration": 5})
     assert (lab.circle.radius, lab.behaviour.name, lab.duration) == (0.7, "circle", 5.0)
@@ -107,7 +107,7 @@ def test_the_command_line_has_the_last_word(tmp_path: Path) -> None:
     clockwise=st.booleans(),
     x=st.floats(-0.5, 0.5),
 )
-def test_any_scenario_survives_the_way_to_a_process(
+def test_any_scenario_can_be_handed_to_a_process(
     radius: float, v_max: float, count: int, clockwise: bool, x: float
 ) -> None:
     table = {"robots": count, "all": {"radius": radius, "v_max": v_max}, "circle": {"x": x, "clockwise": clockwise}}
@@ -180,7 +180,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("table", "said"), WRONG, ids=[said[:50] for _, said in WRONG])
-def test_what_is_wrong_is_named(table: dict[str, Any], said: str) -> None:
+def test_a_wrong_value_is_named(table: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(said)):
         parse(table)
 
@@ -231,13 +231,13 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("what", IMPOSSIBLE)
-def test_what_is_impossible_is_told_before_anything_starts(what: str) -> None:
+def test_what_is_impossible_is_refused_before_anything_starts(what: str) -> None:
     table, said = IMPOSSIBLE[what]
     with pytest.raises(ConfigError, match=re.escape(said)):
         parse(table)
 
 
-def test_the_most_robots_that_are_said_to_fit_do() -> None:
+def test_as_many_robots_as_the_error_allows_do_fit() -> None:
     table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}}
     assert len(parse(table, robots=14).robot) == 14
     with pytest.raises(ConfigError, match="At most 14"):
@@ -247,13 +247,13 @@ def test_the_most_robots_that_are_said_to_fit_do() -> None:
 @pytest.mark.parametrize(
     ("robots", "said"), [(0, "--robots: got 0, expected 1 or more"), (3, "--robots: got 3, expected at most 2")]
 )
-def test_a_number_of_robots_that_cannot_be_is_named(robots: int, said: str) -> None:
+def test_an_impossible_number_of_robots_is_named(robots: int, said: str) -> None:
     table = {} if robots == 0 else {"robot": {"r1": {"tag": 1}, "r2": {"tag": 2}}}
     with pytest.raises(ConfigError, match=said):
         parse(table, robots=robots)
 
 
-def test_an_error_names_the_file_that_the_key_stands_in(tmp_path: Path) -> None:
+def test_an_error_names_the_file_of_the_key(tmp_path: Path) -> None:
     write(tmp_path, "lab.toml", "[all]\nv_max = -1\n[robot.anna]\ntag = 7\nradius = 'big'\n[circle]\nradius = 1.0\n")
     path = write(tmp_path, "run.toml", 'fleet = "lab.toml"\n[all]\nradius = 0.1\n')
     with pytest.raises(ConfigError, match=r"^lab\.toml: all\.v_max: got -1"):
@@ -278,7 +278,7 @@ def test_an_error_names_the_file_that_the_key_stands_in(tmp_path: Path) -> None:
         ("\x00", r"run\.toml: got .*, expected TOML"),
     ],
 )
-def test_a_file_that_is_none_is_named(tmp_path: Path, text: str, said: str) -> None:
+def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         load_scenario(write(tmp_path, "run.toml", text))
 

@@ -175,14 +175,14 @@ def test_lloyd_never_raises_the_cost_and_comes_to_rest(density: Peaks | None, se
     assert step < 0.01
 
 
-def test_robots_at_one_place_part() -> None:
+def test_robots_at_one_place_separate() -> None:
     sites: tuple[Point, ...] = ((0.3, 0.3),) * 4
     for _ in range(60):
         sites = lloyd_step(sites, ARENA)
     assert min(math.dist(a, b) for k, a in enumerate(sites) for b in sites[:k]) > 1.0
 
 
-def test_peaks_that_cannot_be_are_refused() -> None:
+def test_invalid_peaks_are_refused() -> None:
     with pytest.raises(ValueError, match="floor"):
         Peaks((), floor=0.0)
     with pytest.raises(ValueError, match="width above 0"):

@@ -126,7 +126,7 @@ def test_sampled_poses_are_a_step_apart_and_turn_with_the_curvature(start: Pose2
     assert_same(poses[-1], goal, 1e-8)
     assert all(math.dist(a[:2], b[:2]) <= 0.05 + 1e-9 for a, b in itertools.pairwise(poses))
     for s in np.linspace(0.0, path.length, 9)[1:-1].tolist():
-        if any(abs(s - way) < 1e-3 for way in path.ways):
+        if any(abs(s - knot) < 1e-3 for knot in path.distances):
             continue
         ahead, behind = path.pose_at(s + 1e-6), path.pose_at(s - 1e-6)
         assert wrap_to_pi(ahead.theta - behind.theta) / 2e-6 == pytest.approx(path.curvature_at(s), abs=1e-6)
@@ -155,7 +155,7 @@ def test_the_extent_holds_the_path_and_touches_it(start: Pose2, goal: Pose2) -> 
     np.testing.assert_allclose([x_min, x_max, y_min, y_max], [xs.min(), xs.max(), ys.min(), ys.max()], atol=2e-5)
 
 
-def test_a_segment_that_cannot_be_is_refused() -> None:
+def test_an_invalid_segment_is_refused() -> None:
     for length, curvature in ((-0.1, 0.0), (math.nan, 0.0), (1.0, math.inf)):
         with pytest.raises(ValueError, match="path segment"):
             Path(Pose2(0.0, 0.0, 0.0), (Segment(length, curvature),))

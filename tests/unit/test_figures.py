@@ -93,7 +93,7 @@ def test_the_command_reports_a_wrong_name_in_one_line(tmp_path: Path) -> None:
 
 def test_the_flow_shows_every_channel() -> None:
     keys = {row.key.partition("/")[0] for row in flows()}
-    assert keys == {channel.word for channel in CHANNELS} | {"basestation"}
+    assert keys == {channel.word for channel in CHANNELS} | {"basestation", "goal"}
 
 
 @pytest.mark.parametrize("law", [*CIRCLE_LAWS, *PURSUIT_LAWS])

@@ -10,7 +10,8 @@ import pytest
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds
-from muro_zenoh.simulation.plant import Plant, random_starts
+from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import random_starts
 
 ARENA = Bounds(0.0, 4.2, 0.0, 3.0)
 IDEAL = WheelLimits(lag=0.0, a_max=1e9, alpha_max=1e9, brake=1e9)
@@ -26,7 +27,7 @@ def drive(robots: Plant, v: float, omega: float, seconds: float, dt: float = 0.0
         robots.step(commands, dt)
 
 
-def test_drives_the_circle_that_it_is_told() -> None:
+def test_drives_the_circle_that_was_commanded() -> None:
     robot = plant([(0.0, -0.5, 0.0)], limits=IDEAL, drive_error=0.0, slip=0.0)
     robot.step(np.array([[0.25, 0.5]]), 1e-6)  # the wheels are up to speed
     for _ in range(round(math.tau / 0.5 / 0.02)):
@@ -128,7 +129,7 @@ def test_starts_touch_neither_each_other_nor_the_walls(seed: int) -> None:
     assert apart.min() > 2 * radius
 
 
-def test_starts_that_cannot_be_are_refused_with_both_numbers() -> None:
+def test_impossible_starts_are_refused_with_both_numbers() -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(PlanningError, match=r"200 robots .*12\.60 m\^2"):
         random_starts(rng, 200, ARENA, 0.177)

@@ -95,7 +95,7 @@ def test_go_to_goal_arrives_and_stands_still(reverse_from: float, x: float, y: f
 
 @pytest.mark.parametrize(
     ("changes", "what"),
-    [({"speed": 0.0}, "speed"), ({"ahead": -1.0}, "ahead"), ({"reverse_from": 1.0}, "pi/2 to pi")],
+    [({"speed": 0.0}, "speed"), ({"ahead": -1.0}, "ahead"), ({"reverse_from": 1.0}, "at least 1.57")],
 )
 def test_a_goal_law_that_cannot_be_is_refused(changes: dict[str, float], what: str) -> None:
     with pytest.raises(ValueError, match=what):

@@ -59,7 +59,7 @@ def test_gaps_are_within_a_turn_and_sum_to_one_whoever_came_went_or_overtook(
 @given(
     micro=st.sets(st.integers(0, 6_283_184), min_size=1, max_size=12), turns=st.integers(-2, 2), clockwise=st.booleans()
 )
-def test_each_gap_is_the_way_to_the_nearest_robot_ahead(micro: set[int], turns: int, clockwise: bool) -> None:
+def test_each_gap_is_the_angle_to_the_nearest_robot_ahead(micro: set[int], turns: int, clockwise: bool) -> None:
     sigma = -1.0 if clockwise else 1.0
     angles = {f"r{k}": m * 1e-6 + TWO_PI * turns for k, m in enumerate(micro)}
     for name, gap in gaps_ahead(angles, clockwise).items():
@@ -262,7 +262,7 @@ def test_a_bad_importance_table_says_what_is_wrong(angles: list[float], weights:
         ({"v_max": math.inf}, "v_max: got inf"),
     ],
 )
-def test_a_law_that_cannot_be_is_refused(changes: dict[str, object], what: str) -> None:
+def test_an_invalid_law_is_refused(changes: dict[str, object], what: str) -> None:
     with pytest.raises(ValueError, match=what):
         pursuit_law(**changes)  # type: ignore[arg-type]
 

@@ -133,7 +133,7 @@ WRONG: list[tuple[type, dict[str, object], str]] = [
 
 
 @pytest.mark.parametrize(("kind", "table", "said"), WRONG, ids=[said[18:60] for _, _, said in WRONG])
-def test_what_is_wrong_is_named(kind: type, table: dict[str, object], said: str) -> None:
+def test_a_wrong_value_is_named(kind: type, table: dict[str, object], said: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(said)):
         read(kind, **table)
 

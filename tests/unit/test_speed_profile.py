@@ -30,7 +30,7 @@ def driven(path: Path, profile: SpeedProfile = PROFILE) -> list[tuple[float, flo
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
-def test_slow_in_arcs_fast_on_the_straight_left_and_right_alike(turn: float) -> None:
+def test_slow_in_arcs_fast_on_the_straight_for_left_and_right_turns(turn: float) -> None:
     path = Path(ORIGIN, (Segment(0.5, turn * 3.0), Segment(2.0, 0.0), Segment(0.5, turn * 3.0)))
     rows = driven(path)
     assert all(v <= 0.1 + 1e-9 for s, v in rows if s < 0.5 or s > 2.5)
@@ -81,6 +81,6 @@ def test_a_path_of_no_length_is_arrived_at() -> None:
         ({"reaction": -1.0}, "reaction"),
     ],
 )
-def test_a_profile_that_cannot_be_is_refused(changes: dict[str, float], what: str) -> None:
+def test_an_invalid_profile_is_refused(changes: dict[str, float], what: str) -> None:
     with pytest.raises(ValueError, match=what):
         SpeedProfile(**changes)
