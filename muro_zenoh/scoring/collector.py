@@ -18,7 +18,7 @@ from muro_zenoh.scoring.sheet import RADIUS_BAND, SAMPLE_PERIOD, Calibrated, Obs
 from muro_zenoh.transport import Bus, Every, Received
 
 TRUTH_FRESH = 0.5
-"""A truth older than this is not known any more [s]; the simulator sends 50 a second."""
+"""A truth older than this is not known any more [s]; the simulator sends 20 a second."""
 
 _CIRCLING = 10.0
 """Calibrations are looked at after so long on the circle [s]."""

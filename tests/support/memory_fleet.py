@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from agents.agent import Agent
-from agents.base.run import run_base
+from agents.base.run import run_bases
 from agents.base.simulated import Floor, SimulatedWheels
 from basestation.fleet.state_store import StateStore
 from basestation.fleet.table import FleetTable, Motion
@@ -82,9 +82,8 @@ class MemoryFleet:
         self._healths = station.latest(channels.HEALTH, "*")
         self._states = station.latest(channels.BASE, "*")
         room = await self.bus()
-        for row, name in enumerate(self.scenario.robots):
-            wheels = SimulatedWheels(self.floor, row)
-            self._tasks.create_task(run_base(room, name, wheels, self.clock))
+        wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(self.scenario.robots)}
+        self._tasks.create_task(run_bases(room, wheels, self.clock))
         self._tasks.create_task(self._see())
         self._tasks.create_task(self._keep())
 
