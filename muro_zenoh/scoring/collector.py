@@ -20,7 +20,7 @@ from muro_zenoh.scoring.sheet import ProcessUse
 from muro_zenoh.transport import Bus, Every
 
 TRUTH_TIMEOUT: Final = 0.5
-"""A truth older than this is not known any more [s]; the simulator sends 50 a second."""
+"""A truth older than this is not known any more [s]; the simulator sends 20 a second."""
 
 _CIRCLING: Final = 10.0
 """Calibrations are looked at after this time on the circle [s]."""

@@ -36,7 +36,7 @@ _NOWHERE = -1e3  # a coordinate outside every picture [px]
 _RIM = 4  # pixels round a robot that the blur may reach
 
 
-class Box(NamedTuple):
+class _Box(NamedTuple):
     """Part of a picture [px]: ``right`` and ``bottom`` are the first column and row outside."""
 
     left: int
@@ -214,14 +214,14 @@ class OverheadCamera:
         shown: Array = np.where(drawable.reshape(-1, 1, 1), points, _NOWHERE)
         return shown
 
-    def _boxes_round(self, points: Array, rim: int) -> list[Box]:
+    def _boxes_round(self, points: Array, rim: int) -> list[_Box]:
         """The boxes round N groups of points (N, K, 2) [px], cut at the picture's edges."""
         size = (self.width, self.height)
         low = np.clip(np.floor(points.min(axis=1)).astype(np.int64) - rim, 0, size)
         high = np.clip(np.ceil(points.max(axis=1)).astype(np.int64) + rim + 1, 0, size)
-        return [Box(*corners) for corners in np.concatenate((low, high), axis=1).tolist()]
+        return [_Box(*corners) for corners in np.concatenate((low, high), axis=1).tolist()]
 
-    def _texels_to_boxes(self, poses: Array, shapes: _Shapes, boxes: list[Box]) -> Array:
+    def _texels_to_boxes(self, poses: Array, shapes: _Shapes, boxes: list[_Box]) -> Array:
         """The homographies (N, 3, 3) from the tags' texels to the pixels of their boxes."""
         to_world = np.zeros((len(poses), 3, 3))
         to_world[:, 0, 0] = to_world[:, 1, 1] = np.cos(poses[:, 2])
@@ -303,11 +303,11 @@ class _Shapes:
             matrix[2, 2] = 1.0
 
 
-def _is_seen(box: Box) -> bool:
+def _is_seen(box: _Box) -> bool:
     return box.left < box.right and box.top < box.bottom
 
 
-def _window(picture: Picture, box: Box) -> Picture:
+def _window(picture: Picture, box: _Box) -> Picture:
     return picture[box.top : box.bottom, box.left : box.right]
 
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from agents.agent import Agent
-from agents.base.run import run_base
+from agents.base.run import run_bases
 from agents.base.simulated import Floor, SimulatedWheels
 from basestation.fleet.state_store import StateStore
 from basestation.localization.sightings import Sighting, Sightings
@@ -136,9 +136,8 @@ class MemoryFleet:
         self.station = Station(self._station_bus, self.scenario, None, [self.camera])
         self._tasks.create_task(self.station.run(), name="base station")
         room = await self.bus(Role.SIMULATOR, Role.BASE)
-        for row, name in enumerate(self.scenario.robots):
-            wheels = SimulatedWheels(self.floor, row)
-            self._tasks.create_task(run_base(room, name, wheels, self.clock), name=f"base {name}")
+        wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(self.scenario.robots)}
+        self._tasks.create_task(run_bases(room, wheels, self.clock), name="bases")
         await asyncio.sleep(0)  # from now on the base station answers
 
     async def bus(self, *roles: Role) -> Bus:

@@ -1,9 +1,11 @@
-"""The base and its dead-man: what the wheels are told, and what they are never told."""
+"""The base and its dead-man: which commands reach the wheels, and which never do."""
 
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,15 +13,16 @@ import msgspec
 import pytest
 import pytest_asyncio
 
-from agents.base.base import DEAD_MAN
-from agents.base.run import run_base
+from agents.base.base import DEAD_MAN, Base
+from agents.base.run import ODOMETRY_PERIOD, run_base, run_bases
 from agents.base.wheels import WheelReading
 from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
-from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
+from muro_zenoh.transport import Bus, MemoryNetwork, Received, make_bus
 from muro_zenoh.transport.inbox import Every
 from tests.support.clock import ManualClock
 from tests.support.leaks import no_task_left
+from tests.support.virtual_time import VirtualClock, run_virtually
 from tests.support.waiting import within
 
 __all__ = ["no_task_left"]
@@ -27,21 +30,21 @@ __all__ = ["no_task_left"]
 
 @dataclass
 class Wheels:
-    """Wheels that note what they are told."""
+    """Wheels that record their commands."""
 
     reading: WheelReading = field(default_factory=lambda: WheelReading(1.0, 2.0, 0.5, 0.1, -0.2, battery=0.7))
-    told: list[tuple[float, float]] = field(default_factory=list)
+    commanded: list[tuple[float, float]] = field(default_factory=list)
 
     def command(self, v: float, omega: float) -> None:
-        self.told.append((v, omega))
+        self.commanded.append((v, omega))
 
     def read(self) -> WheelReading:
         return self.reading
 
     @property
     def now(self) -> tuple[float, float] | None:
-        """What they do."""
-        return self.told[-1] if self.told else None
+        """Their present command."""
+        return self.commanded[-1] if self.commanded else None
 
 
 @dataclass
@@ -76,10 +79,9 @@ class Lab:
         return self._publisher
 
     async def state(self) -> BaseState:
-        """The newest state that the base said."""
+        """The newest state that the base sent."""
         await self.beat()
-        said = self.states.drain()
-        return said[-1].message
+        return self.states.drain()[-1].message
 
 
 @pytest_asyncio.fixture
@@ -94,9 +96,9 @@ async def lab() -> AsyncIterator[Lab]:
         await asyncio.wait({task})
 
 
-async def test_before_any_command_the_wheels_stand(lab: Lab) -> None:
+async def test_before_any_command_the_wheels_are_stationary(lab: Lab) -> None:
     await lab.beat()
-    assert set(lab.wheels.told) == {(0.0, 0.0)}
+    assert set(lab.wheels.commanded) == {(0.0, 0.0)}
     assert (await lab.state()).dead_man
 
 
@@ -113,7 +115,7 @@ async def test_the_newest_command_is_obeyed(lab: Lab) -> None:
     assert lab.wheels.now == (0.3, 0.0)
 
 
-async def test_a_command_holds_as_long_as_it_is_fresh_and_not_longer(lab: Lab) -> None:
+async def test_a_command_holds_while_it_is_fresh_and_no_longer(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(DEAD_MAN - 0.01)
     await lab.beat()
@@ -124,20 +126,20 @@ async def test_a_command_holds_as_long_as_it_is_fresh_and_not_longer(lab: Lab) -
     assert (await lab.state()).dead_man
 
 
-async def test_the_dead_man_zeroes_again_and_again_and_lets_go_at_the_next_command(lab: Lab) -> None:
+async def test_the_dead_man_keeps_zeroing_until_the_next_command(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(1.0)
     await lab.beat()
-    told = len(lab.wheels.told)
+    before = len(lab.wheels.commanded)
     await lab.beat(3)
-    assert lab.wheels.told[told:]
-    assert set(lab.wheels.told[told:]) == {(0.0, 0.0)}
+    assert lab.wheels.commanded[before:]
+    assert set(lab.wheels.commanded[before:]) == {(0.0, 0.0)}
     await lab.command(0.15, 0.0)
     assert lab.wheels.now == (0.15, 0.0)
     assert not (await lab.state()).dead_man
 
 
-async def test_the_dead_man_is_said_once_an_episode(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+async def test_the_dead_man_is_logged_once_an_episode(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
     for _ in range(2):
         await lab.command(0.2, 0.0)
         lab.clock.advance(1.0)
@@ -149,7 +151,7 @@ async def test_the_dead_man_is_said_once_an_episode(lab: Lab, caplog: pytest.Log
 
 async def test_a_backlog_is_no_command(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
-    # The link was cut; what the agent said meanwhile comes at once when it is there again.
+    # The link was cut; what the agent sent meanwhile arrives all at once when it is back.
     began = lab.clock.now()
     lab.clock.advance(2.0)
     await lab.beat()
@@ -160,7 +162,7 @@ async def test_a_backlog_is_no_command(lab: Lab) -> None:
     assert lab.wheels.now == (0.1, 0.0)
 
 
-async def test_what_is_left_of_a_late_commands_time_is_all_it_gets(lab: Lab) -> None:
+async def test_a_late_command_holds_only_for_the_rest_of_its_time(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(0.5)
     await lab.beat()
@@ -179,19 +181,19 @@ async def test_a_clock_of_the_agents_own_does_not_matter(lab: Lab) -> None:
     assert lab.wheels.now == (0.25, 0.0)
 
 
-async def test_who_is_commanded_by_two_stands(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+async def test_a_robot_that_two_processes_command_is_stationary(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
     async with make_bus(lab.network.link(), clock=lab.clock) as twin:
         other = twin.publisher(channels.CMD_VEL, "r1")
         await lab.command(0.2, 0.0)
-        for _ in range(4):  # one has heard a stop, the other has not
+        for _ in range(4):  # one has received a stop, the other has not
             lab.clock.advance(0.1)
             other.put(VelocityCommand(v=0.0, omega=0.0))
             await lab.beat()
             assert lab.wheels.now == (0.0, 0.0)
             lab.clock.advance(0.1)
-            told = len(lab.wheels.told)
+            before = len(lab.wheels.commanded)
             await lab.command(0.2, 0.0)
-            assert set(lab.wheels.told[told:]) == {(0.0, 0.0)}
+            assert set(lab.wheels.commanded[before:]) == {(0.0, 0.0)}
     assert [r.message for r in caplog.records if "two processes" in r.message] == [
         "r1: two processes command these wheels, which are stopped: is an agent running twice?"
     ]
@@ -201,7 +203,7 @@ async def test_who_is_commanded_by_two_stands(lab: Lab, caplog: pytest.LogCaptur
     assert lab.wheels.now == (0.2, 0.0)
 
 
-async def test_an_agent_that_starts_again_is_obeyed_when_the_old_ones_command_has_ended(lab: Lab) -> None:
+async def test_a_restarted_agent_is_obeyed_once_the_old_ones_command_has_expired(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(DEAD_MAN + 0.01)
     async with make_bus(lab.network.link(), clock=lab.clock) as again:
@@ -211,14 +213,14 @@ async def test_an_agent_that_starts_again_is_obeyed_when_the_old_ones_command_ha
 
 
 @pytest.mark.parametrize("hazard", ["bumper", "cliff", "wheel_drop"])
-async def test_a_hazard_stops_the_wheels_at_once_and_as_long_as_it_lasts(lab: Lab, hazard: str) -> None:
+async def test_a_hazard_stops_the_wheels_at_once_and_while_it_lasts(lab: Lab, hazard: str) -> None:
     await lab.command(0.2, 0.1)
     lab.wheels.reading = lab.wheels.reading._replace(**{hazard: True})
     await lab.beat()
     assert lab.wheels.now == (0.0, 0.0)
-    told = len(lab.wheels.told)
+    before = len(lab.wheels.commanded)
     await lab.command(0.2, 0.1)
-    assert set(lab.wheels.told[told:]) == {(0.0, 0.0)}
+    assert set(lab.wheels.commanded[before:]) == {(0.0, 0.0)}
     assert getattr(await lab.state(), hazard)
     lab.wheels.reading = lab.wheels.reading._replace(**{hazard: False})
     await lab.command(0.2, 0.1)
@@ -263,7 +265,7 @@ async def test_odometry_is_what_the_wheels_read_with_its_time(lab: Lab) -> None:
     assert got.stamp == lab.clock.now()
 
 
-async def test_the_state_is_said_on_change_and_twice_a_second(lab: Lab) -> None:
+async def test_the_state_is_sent_on_change_and_twice_a_second(lab: Lab) -> None:
     assert (await lab.state()).battery == 0.7
     await lab.beat(3)
     assert lab.states.drain() == []  # nothing has changed, and no time has passed
@@ -272,10 +274,10 @@ async def test_the_state_is_said_on_change_and_twice_a_second(lab: Lab) -> None:
     assert len(lab.states.drain()) == 1
     lab.wheels.reading = lab.wheels.reading._replace(battery=0.5)
     await lab.beat()
-    assert [said.message.battery for said in lab.states.drain()] == [0.5]
+    assert [state.message.battery for state in lab.states.drain()] == [0.5]
 
 
-async def test_who_is_cancelled_leaves_the_wheels_at_zero(lab: Lab) -> None:
+async def test_a_cancelled_base_leaves_the_wheels_at_zero(lab: Lab) -> None:
     await lab.command(0.2, 0.1)
     lab.task.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -293,3 +295,142 @@ async def test_wheels_that_fail_end_the_base_with_the_wheels_at_zero(lab: Lab) -
     with pytest.raises(OSError, match="serial line"):
         await within(1, lab.task, "the end")
     assert lab.wheels.now == (0.0, 0.0)
+
+
+@dataclass
+class Several:
+    """Bases r1, r2, r3 in one process, in virtual time, and an agent's side of the bus."""
+
+    bus: Bus
+    wheels: dict[str, Wheels]
+    task: asyncio.Task[None]
+
+    def command(self, name: str, v: float) -> None:
+        self.bus.publisher(channels.CMD_VEL, name).put(VelocityCommand(v=v, omega=0.0))
+
+
+@asynccontextmanager
+async def several() -> AsyncIterator[Several]:
+    network, clock = MemoryNetwork(), VirtualClock()
+    async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as agent:
+        wheels = {name: Wheels() for name in ("r1", "r2", "r3")}
+        task = asyncio.create_task(run_bases(bus, wheels, clock))
+        await asyncio.sleep(0.03)
+        yield Several(agent, wheels, task)
+        task.cancel()
+        await asyncio.wait({task})
+
+
+class TestSeveralBasesInOneProcess:
+    def test_each_robot_obeys_its_own_commands_and_no_strangers(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+                for name, speed in (("r1", 0.1), ("r2", 0.2), ("r9", 0.9)):
+                    bases.command(name, speed)
+                await asyncio.sleep(0.03)
+                assert [wheels.now for wheels in bases.wheels.values()] == [(0.1, 0.0), (0.2, 0.0), (0.0, 0.0)]
+
+        run_virtually(main())
+
+    def test_a_command_is_obeyed_when_it_comes_and_not_at_the_next_beat(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+                for _ in range(20):  # at any time between two beats
+                    for speed in (0.2, 0.0):
+                        bases.command("r2", speed)
+                        await asyncio.sleep(1e-4)
+                        assert bases.wheels["r2"].now == (speed, 0.0)
+                        await asyncio.sleep(3.3e-3)
+
+        run_virtually(main())
+
+    def test_the_dead_man_bites_within_a_beat_of_its_time(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+                for tenth in range(10):
+                    await asyncio.sleep(2e-3 * tenth)
+                    bases.command("r3", 0.2)
+                    await asyncio.sleep(DEAD_MAN - 1e-3)
+                    assert bases.wheels["r3"].now == (0.2, 0.0)
+                    await asyncio.sleep(1e-3 + 0.02 + 1e-3)
+                    assert bases.wheels["r3"].now == (0.0, 0.0)
+
+        run_virtually(main())
+
+    def test_odometry_comes_at_its_rate_and_from_all_robots_at_one_time(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+                odometry = bases.bus.every(channels.ODOMETRY, "*", depth=1024)
+                await asyncio.sleep(100.5 * ODOMETRY_PERIOD)
+                got = odometry.drain()
+                stamps = sorted({received.message.stamp for received in got})
+                assert len(got) == 3 * len(stamps)
+                assert len(stamps) in (100, 101)
+                assert stamps[-1] - stamps[0] == pytest.approx((len(stamps) - 1) * ODOMETRY_PERIOD)
+
+        run_virtually(main())
+
+    def test_when_the_wheels_of_one_fail_all_are_stopped(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+
+                def broken(v: float, omega: float) -> None:
+                    raise OSError("the serial line is gone")
+
+                for name in bases.wheels:
+                    bases.command(name, 0.2)
+                await asyncio.sleep(1e-3)
+                assert [wheels.now for wheels in bases.wheels.values()] == [(0.2, 0.0)] * 3
+                bases.wheels["r2"].command = broken  # type: ignore[method-assign]
+                bases.command("r2", 0.3)
+                with pytest.raises(OSError, match="serial line"):
+                    await bases.task
+                assert bases.wheels["r1"].now == bases.wheels["r3"].now == (0.0, 0.0)
+
+        run_virtually(main())
+
+
+async def test_a_flood_of_commands_does_not_keep_the_base_from_its_beats() -> None:
+    async with make_bus(MemoryNetwork().link()) as bus:
+        command, odometry = bus.publisher(channels.CMD_VEL, "r1"), bus.every(channels.ODOMETRY, "r1")
+        left = 10**5
+
+        class Flooding(Wheels):
+            """Each command that is obeyed brings the next, so that the mailbox is never empty."""
+
+            def command(self, v: float, omega: float) -> None:
+                nonlocal left
+                if (v, omega) != (0.0, 0.0) and left > 0:
+                    left -= 1
+                    command.put(VelocityCommand(v=v, omega=omega))
+
+        task = asyncio.create_task(run_base(bus, "r1", Flooding(), bus.clock))
+        await within(5, odometry.next(), "the first odometry")
+        command.put(VelocityCommand(v=0.1, omega=0.0))
+        for _ in range(3):
+            await within(5, odometry.next(), "odometry during the flood")
+        assert left > 0
+        left = 0
+        task.cancel()
+        await asyncio.wait({task})
+
+
+class TestClocksThatMakeNoSense:
+    def received(self, arrival: float) -> Received[VelocityCommand]:
+        return Received("r1", VelocityCommand(v=0.2, omega=0.1, stamp=1.0, epoch=7), arrival, 0.0, 0.0)
+
+    def test_a_command_of_no_age_is_refused(self) -> None:
+        wheels = Wheels()
+        base = Base("r1", wheels)
+        base.obey(self.received(math.nan), 5.0)
+        base.obey(self.received(5.0), math.nan)
+        assert wheels.commanded == []
+
+    def test_a_clock_that_is_no_number_stops_the_wheels(self) -> None:
+        wheels = Wheels()
+        base = Base("r1", wheels)
+        base.obey(self.received(5.0), 5.0)
+        base.beat(5.1)
+        assert wheels.now == (0.2, 0.1)
+        base.beat(math.nan)
+        assert wheels.now == (0.0, 0.0)

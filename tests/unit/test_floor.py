@@ -1,4 +1,4 @@
-"""The simulated floor: a plant that keeps up with the clock, whoever looks at it."""
+"""The simulated floor: a plant that keeps up with the clock."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agents.base.simulated import STEP, Floor, SimulatedWheels
+from muro_zenoh.elementwise import Array
 from muro_zenoh.simulation.plant import Plant
 from tests.support.clock import ManualClock
 
@@ -39,7 +40,7 @@ def test_looking_again_moves_nothing() -> None:
 def test_a_command_counts_from_when_it_was_given() -> None:
     there, clock = floor()
     wheels = SimulatedWheels(there, 0)
-    clock.advance(0.3)  # nobody looked meanwhile, and the robot stood
+    clock.advance(0.3)  # nobody looked meanwhile, and the robot was stationary
     wheels.command(0.2, 0.0)
     assert wheels.read().x == pytest.approx(0.0, abs=1e-4)  # a step more or less, by the clock's rounding
     clock.advance(0.4)
@@ -118,3 +119,26 @@ def test_no_hazard_is_on_the_simulated_floor() -> None:
     reading = SimulatedWheels(there, 0).read()
     assert reading.hazard == ""
     assert math.isfinite(reading.battery)
+
+
+def test_one_look_at_many_robots_moves_the_plant_once() -> None:
+    there, clock = floor(robots=30)
+    wheels = [SimulatedWheels(there, row) for row in range(30)]
+    steps = 0
+    move = there.plant.step
+
+    def counting(commands: Array, dt: float) -> None:
+        nonlocal steps
+        steps += 1
+        move(commands, dt)
+
+    there.plant.step = counting  # type: ignore[method-assign]
+    for w in wheels:
+        w.command(0.3, 0.0)
+    clock.advance(2.5 * STEP)
+    readings = [w.read() for w in wheels]
+    assert steps == 2
+    assert {reading.v for reading in readings} == {readings[0].v}
+    assert readings[0].v > 0.0
+    clock.advance(STEP)
+    assert wheels[0].read().v > readings[0].v  # what was read is not kept when the plant moves on
