@@ -18,9 +18,9 @@ class Origin:
         """File and full key, as an error names them.
 
         Args:
-            key: the full key, such as ``robot.r1.radius``.
+            key: the full key, such as ``robot.r1.radius``, perhaps with an index as in ``goals.r1[2]``.
         """
-        start = key
+        start = key.partition("[")[0]
         while start:
             if start in self._others:
                 return self._others[start] + key

@@ -143,6 +143,13 @@ def test_a_default_may_be_given() -> None:
     assert found == Peaks(((1.0,),), 0.2)
 
 
+def test_the_element_of_an_array_is_where_the_array_is() -> None:
+    origin = Origin("lab.toml")
+    origin.note("behaviour.peaks", "--set ")
+    assert origin.at("behaviour.peaks[1]") == "--set behaviour.peaks[1]"
+    assert origin.at("behaviour.floor") == "lab.toml: behaviour.floor"
+
+
 def test_an_error_keeps_its_parts() -> None:
     with pytest.raises(ConfigError) as caught:
         read(Parameters, v_min=0.5)
