@@ -15,8 +15,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.support.virtual_time import run_virtually
-
+from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import memory_fleet, scenario
 
 GOAL = 12.0

@@ -8,12 +8,11 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from muro_zenoh import channels
-from muro_zenoh.geometry import Bounds
-from muro_zenoh.messages import Ack, Goal, PlannedPath
+from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour
 from muro_zenoh.runtime.virtual_time import run_virtually
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.observed import Body
-from muro_zenoh.transport import Every, Publisher
+from muro_zenoh.transport import Bus
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 
 Test = Callable[[], Coroutine[Any, Any, None]]
@@ -39,33 +38,27 @@ def stands_at(fleet: MemoryFleet, x: float, y: float) -> Callable[[], bool]:
     return lambda: distance(fleet, x, y) < 0.05 and abs(fleet.plant.twist[0]).max() < 0.01
 
 
-async def order(fleet: MemoryFleet, out: Publisher[Goal], answers: Every[Ack], goal: Goal) -> Ack:
-    """The answer to a goal."""
-    sent = out.put(goal)
-    async with asyncio.timeout(1.0):
-        async for received in answers:
-            if received.message.order_seq == sent.seq:
-                return received.message
-    raise AssertionError("no answer")
+async def order(operator: Bus, goal: Goal) -> Reply:
+    """The robot's answer to a goal."""
+    return await operator.ask(channels.GOAL_ORDER, goal, name="r1")
 
 
 @virtual
 async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
     async with memory_fleet(scenario(1, "dubins")) as fleet:
         operator = await fleet.bus()
-        out, answers = operator.publisher(channels.GOAL, "r1"), operator.every(channels.ACK, "r1")
         paths = operator.every(channels.PATH, "r1")
         await fleet.until(lambda: fleet.holds("r1", "no goal"), 3, "it waits for a goal")
-        assert (await order(fleet, out, answers, Goal(x=0.8, y=0.5, theta=1.0))).accepted
+        assert (await order(operator, Goal(x=0.8, y=0.5, theta=1.0))).accepted
         await fleet.until(lambda: bool(fleet.driving), 1, "it drives")
         await asyncio.sleep(1.0)
         # The goal moves; then one is refused, and the robot goes on.
-        assert (await order(fleet, out, answers, Goal(x=-0.6, y=-0.4, theta=-2.0))).accepted
-        refusal = await order(fleet, out, answers, Goal(x=-0.6, y=-1.4))
+        assert (await order(operator, Goal(x=-0.6, y=-0.4, theta=-2.0))).accepted
+        refusal = await order(operator, Goal(x=-0.6, y=-1.4))
         assert not refusal.accepted
         assert "outside the arena" in refusal.reason
         # It would have to come out of the corner.
-        refusal = await order(fleet, out, answers, Goal(x=1.92, y=1.32, theta=-2.4))
+        refusal = await order(operator, Goal(x=1.92, y=1.32, theta=-2.4))
         assert not refusal.accepted
         assert "leaves the arena" in refusal.reason
         await fleet.until(stands_at(fleet, -0.6, -0.4), 40, "it is at the goal that moved")
@@ -74,6 +67,41 @@ async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
         shown: list[PlannedPath] = [received.message for received in paths.drain()]
         assert len(shown) >= 2
         assert shown[-1].goal_theta
+
+
+@virtual
+async def test_a_goal_that_becomes_the_current_one_again_changes_nothing() -> None:
+    async with memory_fleet(scenario(1, "dubins")) as fleet:
+        operator = await fleet.bus()
+        paths = operator.every(channels.PATH, "r1")
+        await fleet.until(lambda: fleet.holds("r1", "no goal"), 3, "it waits for a goal")
+        goal = Goal(x=0.8, y=0.5, theta=1.0)
+        assert (await order(operator, goal)).accepted
+        await asyncio.sleep(1.0)
+        assert (await order(operator, goal)).accepted
+        await asyncio.sleep(1.0)
+        assert len(paths.drain()) == 1  # it drives on along the path that it has
+
+
+@virtual
+async def test_a_behaviour_without_goals_refuses_them_and_so_does_a_robot_without_a_pose() -> None:
+    async with memory_fleet(scenario(1, "circle"), agents=False) as fleet:
+        operator = await fleet.bus()
+        fleet.seeing = False
+        await fleet.start_agent("r1")
+        await asyncio.sleep(1.0)
+        refusal = await order(operator, Goal(x=0.5, y=0.0))
+        assert (refusal.accepted, refusal.reason) == (False, "r1 has no pose yet, so it cannot plan")
+        fleet.seeing = True
+        await fleet.until(lambda: bool(fleet.driving), 3, "it drives")
+        refusal = await order(operator, Goal(x=0.5, y=0.0))
+        assert (refusal.accepted, refusal.reason) == (False, "the behaviour circle takes no goals")
+        await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="steer"))
+        await fleet.until(lambda: fleet.holds("r1", "no goal"), 3, "it waits for a goal")
+        refusal = await order(operator, Goal(x=5.0, y=0.0))
+        assert "outside the arena" in refusal.reason
+        assert (await order(operator, Goal(x=0.5, y=0.0))).accepted
+        await fleet.until(stands_at(fleet, 0.5, 0.0), 30, "it is at the goal")
 
 
 @virtual
@@ -117,14 +145,13 @@ async def test_coverage_comes_to_rest_at_the_centroids_in_rounds_of_all() -> Non
     lab = scenario(4, "coverage", hold_time=1.0, stay_within=0.025, turning_radius=0.1, v_min=0.1)
     async with memory_fleet(lab, seed=2) as fleet:
         watcher = await fleet.bus()
-        goals = watcher.every(channels.GOAL, "*", depth=1000)
+        paths = watcher.every(channels.PATH, "*", depth=1000)
         seen: list[tuple[float, dict[str, Body]]] = []
         for k in range(1200):
             await asyncio.sleep(0.1)
             rows = zip(lab.robots, fleet.plant.pose.tolist(), fleet.plant.twist.tolist(), strict=True)
             seen.append((k / 10, {name: Body(*pose, *twist) for name, pose, twist in rows}))
-        a = lab.arena
-        found = score_deployment(Deployment(Bounds(a.x_min, a.x_max, a.y_min, a.y_max), None, 1.0), seen, 4)
+        found = score_deployment(Deployment(lab.arena, None, 1.0), seen, 4)
         assert found.rounds > 3
         assert found.distance is not None
         assert found.distance <= 0.03
@@ -133,7 +160,7 @@ async def test_coverage_comes_to_rest_at_the_centroids_in_rounds_of_all() -> Non
         assert found.rise is not None
         assert found.rise <= 0.02
         # A round begins for all that go at the same snapshot.
-        times = sorted(received.message.stamp for received in goals.drain())
+        times = sorted(received.message.stamp for received in paths.drain())
         begun = [times[0]]
         for t in times:
             assert t - begun[-1] < 0.02 or t - begun[-1] > 1.0

@@ -19,11 +19,11 @@ from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.messages import Frame
 from muro_zenoh.runtime.clock import Clock, SystemClock
+from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.transport import MemoryNetwork, Received, make_bus
 from muro_zenoh.transport.inbox import Every
-from tests.support.virtual_time import VirtualClock, run_virtually
 from tests.support.waiting import within
 
 PERIOD, LATENCY = 0.05, 0.05
