@@ -14,8 +14,10 @@ import msgpack
 import pytest
 
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import (
+    Behaviour,
     Circle,
     FleetSnapshot,
     Goal,
@@ -303,15 +305,18 @@ async def test_a_killed_agent_leaves_it_to_the_dead_man_and_a_cancelled_one_does
 
 
 def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
+    """An agent stands still with the reason, and goes on with the next order; whoever keeps its behaviour."""
+
     async def main() -> None:
         async with circling(1) as fleet:
-            order = SetBehaviour(behaviour=behaviour, parameters=parameters)
-            await fleet.order(channels.SET_BEHAVIOUR, order)
+            fleet.silence(channels.BEHAVIOUR)
+            foreign = (await fleet.bus(Role.BASESTATION)).publisher(channels.BEHAVIOUR, "r1")
+            foreign.put(Behaviour(behaviour=behaviour, parameters=parameters, revision=7))
             await fleet.until(lambda: fleet.holds("r1", reason), 1.5, "it says why")
             await asyncio.sleep(1.0)
             assert fleet.commanded("r1") == (0.0, 0.0)
             assert not fleet.agents["r1"].done()
-            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
+            foreign.put(Behaviour(behaviour="circle", revision=8))
             await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 1, "the next one is taken")
 
     run_virtually(main())
@@ -337,10 +342,20 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
         ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got a key that nothing reads"),
     ],
 )
-def test_a_wrong_behaviour_leaves_the_robot_standing_with_the_reason(
+def test_a_wrong_behaviour_is_refused_and_leaves_a_robot_standing_that_gets_it_all_the_same(
     behaviour: str, parameters: dict[str, Any], reason: str
 ) -> None:
     standing(behaviour, parameters, reason or f"behaviour {behaviour}: ")
+
+    async def refused() -> None:
+        async with memory_fleet(scenario(1, "circle")) as fleet:
+            order = SetBehaviour(behaviour=behaviour, parameters=parameters)
+            assert reason in await fleet.refusal(channels.SET_BEHAVIOUR, order)
+            await asyncio.sleep(1.0)
+            assert fleet.commanded("r1") != (0.0, 0.0)  # it goes on with what it did
+
+    if "nolab" not in f"{behaviour} {parameters}" and "weights" not in parameters:  # only the robots load those
+        run_virtually(refused())
 
 
 def users_own(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
@@ -463,7 +478,6 @@ def test_no_message_however_absurd_takes_an_agent_down(behaviour: str) -> None:
             circles = stranger.publisher(channels.CIRCLE)
             speeds = stranger.publisher(channels.VELOCITY, "r1")
             snapshots = stranger.publisher(channels.ALL_POSITIONS)
-            goals = stranger.publisher(channels.GOAL, "r1")
             stops = stranger.publisher(channels.STOP)
             for a in _HUGE:
                 for b in _HUGE:
@@ -478,7 +492,7 @@ def test_no_message_however_absurd_takes_an_agent_down(behaviour: str) -> None:
                     )
                     circles.put(Circle(x=a, y=b, radius=abs(b) or 1e-300))
                     speeds.put(SpeedReference(speed=a))
-                    goals.put(Goal(x=a, y=b, theta=a))
+                    await stranger.ask(channels.GOAL_ORDER, Goal(x=a, y=b, theta=a), name="r1")
                     states = (
                         RobotState("r2", a, b, a, b, a, b, "tracking"),
                         RobotState("r9", a, a, b, a, b, a, "lost"),
