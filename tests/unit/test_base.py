@@ -16,7 +16,7 @@ from agents.base.wheels import WheelReading
 from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
-from muro_zenoh.transport.inbox import Every
+from muro_zenoh.transport.mailboxes import Every
 from tests.support.clock import ManualClock
 from tests.support.leaks import no_task_left
 from tests.support.waiting import within

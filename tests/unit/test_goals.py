@@ -19,7 +19,7 @@ from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Ack, Goal
 from muro_zenoh.transport import MemoryNetwork, make_bus
 from muro_zenoh.transport.bus import Publisher
-from muro_zenoh.transport.inbox import Every
+from muro_zenoh.transport.mailboxes import Every
 from tests.support.clock import ManualClock
 from tests.support.waiting import within
 
