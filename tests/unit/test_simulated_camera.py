@@ -23,7 +23,7 @@ from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.transport import MemoryNetwork, Received, make_bus
-from muro_zenoh.transport.inbox import Every
+from muro_zenoh.transport.mailboxes import Every
 from tests.support.waiting import within
 
 PERIOD, LATENCY = 0.05, 0.05
