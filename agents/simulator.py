@@ -20,9 +20,6 @@ from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
-_TRUTH_PERIOD = 0.05
-_HEALTH_PERIOD = 1.0
-
 _SWITCH_INTERVAL = 0.0005
 """A camera's thread gives the interpreter's lock back within this when the loop waits for it [s]; Python's default of
 5 ms would delay the dead-man and every command by as much."""
@@ -74,7 +71,7 @@ class Room:
         loop = asyncio.get_running_loop()
         due = loop.time()
         while True:
-            due = max(due + _TRUTH_PERIOD, loop.time())
+            due = max(due + channels.TRUTH.period, loop.time())
             await asyncio.sleep(due - loop.time())
             stamp = self.floor.catch_up()
             rows = zip(self._truth, self.plant.pose.tolist(), self.plant.twist.tolist(), strict=True)
@@ -84,7 +81,7 @@ class Room:
     async def _report(self) -> None:
         while True:
             self._health.put(Health(role="simulator", state="running", numbers=self._numbers()))
-            await asyncio.sleep(_HEALTH_PERIOD)
+            await asyncio.sleep(channels.HEALTH.period)
 
     def _numbers(self) -> dict[str, float]:
         plant = self.plant

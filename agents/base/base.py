@@ -15,10 +15,8 @@ from muro_zenoh.transport import Received
 
 log = logging.getLogger(__name__)
 
-DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
+DEAD_MAN = channels.CMD_VEL.stale_after
 """A command older than this is not obeyed any longer [s]."""
-
-_STATE_PERIOD = 0.5
 
 
 class Base:
@@ -108,7 +106,7 @@ class Base:
         """
         reading = self._reading
         shown = (*reading[5:], self._dead)
-        if shown == self._reported and now - self._reported_at < _STATE_PERIOD:
+        if shown == self._reported and now - self._reported_at < channels.BASE.period:
             return None
         self._reported, self._reported_at = shown, now
         return BaseState(
