@@ -19,10 +19,10 @@ _END: Final = "<!-- end of the generated part -->\n"
 
 
 def page(text: str) -> str:
-    """The page of channels with its generated part made anew.
+    """The page of channels with its tables generated again.
 
     Args:
-        text: the page as it is; what stands outside its marks stays.
+        text: the page as it is; what is outside the marks stays.
 
     Raises:
         ConfigError: the marks are missing.

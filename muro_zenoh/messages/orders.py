@@ -84,7 +84,7 @@ class Ack(Message, frozen=True, kw_only=True):
 
 
 class SetCircle(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the circle. What is nil stays as it is."""
+    """An order to the base station: change the circle. What is nil stays unchanged."""
 
     x: float | None = None
     y: float | None = None
