@@ -1,8 +1,8 @@
 """How late a message is, when no two clocks agree.
 
-Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the shortest time
-on the path. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is late by that
-measure, though it has just arrived.
+Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the shortest
+time that the path took. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is
+late by that measure, though it has just arrived.
 """
 
 from __future__ import annotations
