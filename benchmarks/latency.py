@@ -232,7 +232,7 @@ class Running:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         settings = folder / "router.toml"
         settings.write_text(f'[bus]\nlisten = ["{endpoint}"]\n')
-        self.router = start([["-m", "muro_zenoh.transport.router", str(settings)]])
+        self.router = start([["-m", "muro_zenoh", "router", str(settings)]])
         stack.callback(stop, self.router)
         self.robots = spawn(endpoint, names)
         stack.callback(stop, self.robots)

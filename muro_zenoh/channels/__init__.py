@@ -15,7 +15,6 @@ from muro_zenoh.channels.keys import (
 )
 from muro_zenoh.channels.kinds import ALL_ROLES, Channel, Delivery, Party, Priority, Role, Verb
 from muro_zenoh.channels.table import (
-    ACK,
     ALL_POSITIONS,
     BASE,
     BEHAVIOUR,
@@ -28,7 +27,7 @@ from muro_zenoh.channels.table import (
     CLEAR,
     CMD_VEL,
     ESTIMATE,
-    GOAL,
+    GOAL_ORDER,
     HEALTH,
     ODOMETRY,
     PATH,
@@ -44,7 +43,6 @@ from muro_zenoh.channels.table import (
 )
 
 __all__ = [
-    "ACK",
     "ALL_POSITIONS",
     "ALL_ROLES",
     "BASE",
@@ -58,7 +56,7 @@ __all__ = [
     "CLEAR",
     "CMD_VEL",
     "ESTIMATE",
-    "GOAL",
+    "GOAL_ORDER",
     "HEALTH",
     "NAME_PATTERN",
     "ODOMETRY",

@@ -106,6 +106,7 @@ class Verb(Generic[M_co]):
         named: what the last word of the key names; empty where only one process answers.
         answered_by: the role that takes it.
         asked_by: the role that may give it.
+        ros: the topic it replaces.
     """
 
     word: str
@@ -113,3 +114,4 @@ class Verb(Generic[M_co]):
     named: str = ""
     answered_by: Role = Role.BASESTATION
     asked_by: Role = Role.OPERATOR
+    ros: str = ""

@@ -92,7 +92,7 @@ VELOCITY = Channel(
     pacing="each estimate",
     stale_after=0.5,
     ros="velocity",
-    note="from the behaviour pursuit, or from a lab's own program in its place",
+    note="from the robot's behaviour, or from a lab's own program in its place",
 )
 CMD_VEL = Channel(
     word="cmd_vel",
@@ -106,15 +106,6 @@ CMD_VEL = Channel(
     priority=Priority.REAL_TIME,
     ros="mobile_base/commands/velocity",
     note="when the last one is stale, the base's dead-man zeroes the wheels",
-)
-GOAL = Channel(
-    word="goal",
-    kind=m.Goal,
-    writers=(OPERATOR, Party(Role.AGENT)),
-    readers=(Party(Role.AGENT),),
-    delivery="every",
-    ros="move_base_simple/goal",
-    note="acknowledged",
 )
 PATH = Channel(
     word="path",
@@ -185,13 +176,6 @@ HEALTH = Channel(
     stale_after=3.0,
     named="process",
 )
-ACK = Channel(
-    word="ack",
-    kind=m.Ack,
-    writers=(Party(Role.AGENT),),
-    readers=(OPERATOR,),
-    delivery="kept",
-)
 STOP = Channel(
     word="stop",
     kind=m.StopOrder,
@@ -223,7 +207,6 @@ CHANNELS: Final[tuple[Channel[Any], ...]] = (
     ALL_POSITIONS,
     VELOCITY,
     CMD_VEL,
-    GOAL,
     PATH,
     CELL,
     CIRCLE,
@@ -231,7 +214,6 @@ CHANNELS: Final[tuple[Channel[Any], ...]] = (
     ODOMETRY,
     BASE,
     HEALTH,
-    ACK,
     STOP,
     TRUTH,
 )
@@ -241,5 +223,6 @@ SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
-VERBS: Final[tuple[Verb[Any], ...]] = (SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR)
+VERBS: Final[tuple[Verb[Any], ...]] = (SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR, GOAL_ORDER)

@@ -77,8 +77,8 @@ def resume(names: tuple[str, ...], bus: BusFlags) -> None:
 def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> None:
     """Send the robot NAME to X, Y [m, world], to arrive with the heading THETA [rad] if it is given.
 
-    It takes goals while it runs the behaviour dubins or steer (which looks at no heading). The exit code is 0 when it
-    has accepted, 1 when it refuses, with its reason, or does not answer.
+    The exit code is 0 when the robot accepts, 1 when it refuses, with its reason (not every behaviour takes goals), or
+    does not answer.
     """
     from muro_zenoh.cli.goal_order import send_goal
 

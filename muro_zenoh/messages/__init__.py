@@ -20,7 +20,6 @@ from muro_zenoh.messages.codec import (
     encoding_of,
 )
 from muro_zenoh.messages.orders import (
-    Ack,
     Behaviour,
     Circle,
     Clear,
@@ -52,7 +51,6 @@ from muro_zenoh.messages.telemetry import (
 
 __all__ = [
     "VERSION",
-    "Ack",
     "BaseState",
     "Behaviour",
     "Calibration",

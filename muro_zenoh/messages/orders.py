@@ -1,4 +1,4 @@
-"""What is kept, ordered and answered: goals, circle, behaviours, stop, health, and the orders to the base station."""
+"""What is kept, ordered and answered: circle, behaviours, stop, health, and the orders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from muro_zenoh.messages.base import Message, Name, Value
 
 
 class Goal(Message, frozen=True, kw_only=True):
-    """Where a robot shall go; ``theta`` may be nil when the heading does not matter."""
+    """An order to a robot: go there; ``theta`` may be nil when the heading does not matter."""
 
     x: float
     y: float
@@ -73,16 +73,6 @@ class Health(Message, frozen=True, kw_only=True):
     stop_revision: int = 0
 
 
-class Ack(Message, frozen=True, kw_only=True):
-    """What became of an order, which is named by its ``channel``, ``order_epoch`` and ``order_seq``."""
-
-    channel: str
-    order_epoch: int
-    order_seq: int
-    accepted: bool
-    reason: str = ""
-
-
 class SetCircle(Message, frozen=True, kw_only=True):
     """An order to the base station: change the circle. What is nil stays unchanged."""
 
@@ -120,7 +110,7 @@ class Clear(Message, frozen=True, kw_only=True):
 
 
 class Reply(Message, frozen=True, kw_only=True):
-    """The base station's answer to an order."""
+    """The answer to an order: accepted, or refused with the reason."""
 
     accepted: bool
     reason: str = ""

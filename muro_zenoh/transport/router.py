@@ -40,26 +40,3 @@ def router_settings(settings: BusSettings) -> BusSettings:
             connect.
     """
     return msgspec.structs.replace(settings, mode="router", listen=settings.listen or settings.connect, connect=())
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """The router's process: ``python -P -m muro_zenoh.transport.router FILE``.
-
-    Args:
-        arguments: the scenario or fleet file; by default the command line's.
-    """
-    import sys
-
-    from muro_zenoh.config import load_scenario
-    from muro_zenoh.runtime.process import run_process
-
-    (file,) = sys.argv[1:] if arguments is None else arguments
-
-    async def route() -> None:
-        await run_router(router_settings(load_scenario(file).bus))
-
-    return run_process(route, "router")
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

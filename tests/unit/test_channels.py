@@ -58,7 +58,7 @@ def test_role_and_name_come_out_of_a_tokens_key(realm: str, role: str, name: str
 @given(realm=realms, name=names)
 def test_no_two_keys_are_the_same(realm: str, name: str) -> None:
     keys = [key_of(realm, c, name if c.named else "") for c in CHANNELS]
-    keys += [verb_key(realm, v) for v in VERBS] + [alive_key(realm, "agent", name)]
+    keys += [verb_key(realm, v, name if v.named else "") for v in VERBS] + [alive_key(realm, "agent", name)]
     assert len(set(keys)) == len(keys)
 
 
