@@ -111,7 +111,8 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
                 frame = {"stamp": time.time(), "width": size, "height": size, "format": kind, "data": data}
                 session.put("muro/camera/north", msgpack.packb(frame))
             for verb in channels.VERBS:
-                session.get(f"muro/basestation/{verb.word}", lambda _: None, payload=payload(), timeout=0.5)
+                key = channels.verb_key("muro", verb, "r1" if verb.named else "")
+                session.get(key, lambda _: None, payload=payload(), timeout=0.5)
             await fleet.until(lambda: True, 1, "the processes live")
             await asyncio.sleep(0.05)
     finally:
