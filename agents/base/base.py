@@ -18,8 +18,6 @@ log = logging.getLogger(__name__)
 DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
 """A command older than this is not obeyed any longer [s]."""
 
-_STATE_PERIOD = 0.5
-
 
 class Base:
     """One robot's base: it obeys fresh commands and stops the wheels when there is none.
@@ -108,7 +106,7 @@ class Base:
         """
         reading = self._reading
         shown = (*reading[5:], self._dead)
-        if shown == self._reported and now - self._reported_at < _STATE_PERIOD:
+        if shown == self._reported and now - self._reported_at < channels.BASE.period:
             return None
         self._reported, self._reported_at = shown, now
         return BaseState(

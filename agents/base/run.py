@@ -27,8 +27,7 @@ from muro_zenoh.transport import Bus, open_bus
 _BEAT = 0.02
 """The dead-man is checked this often [s]."""
 
-ODOMETRY_PERIOD = 0.04
-"""Odometry is sent this often [s]: a whole number of beats."""
+_BEATS_TO_ODOMETRY = round(channels.ODOMETRY.period / _BEAT)
 
 
 class _Bases:
@@ -46,7 +45,6 @@ class _Bases:
     async def run(self) -> None:
         """Obey each command as it comes, beat at 50 Hz; zero all wheels when leaving."""
         loop = asyncio.get_running_loop()
-        beats_to_odometry = round(ODOMETRY_PERIOD / _BEAT)
         due, beats = loop.time(), 0
         with ExitStack() as leaving:
             for base in self._bases.values():
@@ -54,7 +52,7 @@ class _Bases:
             while True:
                 due = max(due + _BEAT, loop.time())
                 await self._obey_until(due)
-                self._beat(with_odometry=beats % beats_to_odometry == 0)
+                self._beat(with_odometry=beats % _BEATS_TO_ODOMETRY == 0)
                 beats += 1
 
     async def _obey_until(self, due: float) -> None:

@@ -19,7 +19,7 @@ from muro_zenoh.config import parse_scenario
 from muro_zenoh.messages import Goal, SetBehaviour
 from muro_zenoh.orders.goal import send_goal
 from muro_zenoh.orders.stop import resume_robots, stop_robots
-from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from muro_zenoh.transport.link import Closable, FileSample, LinkPublisher
@@ -85,7 +85,7 @@ class Fleet:
                 buses[name].announce(roles[0], name)
             operator = buses["operator"]
             mains = [
-                Room(buses["simulator"], LAB, seed=3).run(),
+                Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor()).run(),
                 Station(buses["basestation"], LAB, None).run(),
                 *(Agent(buses[name], LAB, name).run() for name in LAB.robots),
                 Collector(operator, LAB).run(),

@@ -14,7 +14,7 @@ import pytest
 import pytest_asyncio
 
 from agents.base.base import DEAD_MAN, Base
-from agents.base.run import ODOMETRY_PERIOD, run_base, run_bases
+from agents.base.run import run_base, run_bases
 from agents.base.wheels import WheelReading
 from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
@@ -361,12 +361,12 @@ class TestSeveralBasesInOneProcess:
         async def main() -> None:
             async with several() as bases:
                 odometry = bases.bus.every(channels.ODOMETRY, "*", depth=1024)
-                await asyncio.sleep(100.5 * ODOMETRY_PERIOD)
+                await asyncio.sleep(100.5 * channels.ODOMETRY.period)
                 got = odometry.drain()
                 stamps = sorted({received.message.stamp for received in got})
                 assert len(got) == 3 * len(stamps)
                 assert len(stamps) in (100, 101)
-                assert stamps[-1] - stamps[0] == pytest.approx((len(stamps) - 1) * ODOMETRY_PERIOD)
+                assert stamps[-1] - stamps[0] == pytest.approx((len(stamps) - 1) * channels.ODOMETRY.period)
 
         run_virtually(main())
 
