@@ -17,9 +17,11 @@ from contextlib import asynccontextmanager
 from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.runtime.clock import Clock
-from muro_zenoh.transport.bus import Bus, Publisher, make_bus
-from muro_zenoh.transport.inbox import Counters, Every, Latest, Received
+from muro_zenoh.transport.bus import Bus, make_bus
+from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.memory_link import MemoryNetwork
+from muro_zenoh.transport.publisher import Publisher
+from muro_zenoh.transport.received import Counters, Received
 from muro_zenoh.transport.tap import Roster, Sample, Tap
 
 __all__ = [

@@ -1,6 +1,6 @@
 """The bus: typed channels over a link.
 
-Publishers stamp and number; mailboxes decode and count. What a process sends to itself is handed over as it is, and
+Publishers stamp and number; mailboxes decode and count. What a process sends itself is handed over as it is, and
 published besides.
 """
 
@@ -11,7 +11,7 @@ import random
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable
 from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -30,60 +30,16 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
-from muro_zenoh.transport.inbox import Counters, Every, Inbox, Latest
-from muro_zenoh.transport.link import Closable, Link, LinkPublisher, Question
+from muro_zenoh.transport.inbox import Inbox
+from muro_zenoh.transport.link import Closable, Link, Question
+from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.orders import Orders, nobody_answered
+from muro_zenoh.transport.publisher import Publisher
+from muro_zenoh.transport.received import Counters
 from muro_zenoh.transport.tap import Roster, Tap
 
 T = TypeVar("T", bound=Message)
 I = TypeVar("I", bound=Inbox[Any])  # noqa: E741 - an inbox
-
-
-_set = msgspec.structs.force_setattr
-
-
-class Publisher(Generic[T]):
-    """Sends one channel's messages on one key."""
-
-    def __init__(self, bus: Bus, key: str, link: LinkPublisher) -> None:
-        self._bus = bus
-        self._now = bus.clock.now
-        self._epoch = bus.epoch
-        self._key = key
-        self._link = link
-        self._readers = bus._readers.setdefault(key, [])
-        self._seq = 0
-        self._closed = False
-
-    def put(self, message: T) -> T:
-        """Send a message; it never blocks.
-
-        Args:
-            message: its ``seq`` and ``epoch`` are filled in, and its ``stamp`` when it is 0.
-
-        Returns:
-            The message as it was sent; once this is closed, the message as it came in, which goes nowhere.
-        """
-        if self._closed:
-            return message
-        self._seq += 1
-        # A copy that is not checked a second time; the caller's own stays as it is.
-        sent: T = message.__copy__()  # type: ignore[attr-defined]  # what copy.copy() calls, by a longer path
-        if not message.stamp:
-            _set(sent, "stamp", self._now())
-        _set(sent, "seq", self._seq)
-        _set(sent, "epoch", self._epoch)
-        for inbox in self._readers:
-            inbox.hand(self._key, sent)
-        self._link.put(encode(sent))
-        return sent
-
-    def close(self) -> None:
-        """Undeclare it; a second time does nothing."""
-        if not self._closed:
-            self._closed = True
-            self._link.close()
-            self._bus._forget(self)
 
 
 class Bus:
@@ -92,7 +48,7 @@ class Bus:
     Args:
         link: the middleware.
         realm: the first word of every key.
-        roles: of this process; a channel or an order that none of them has a part in is refused.
+        roles: of this process: what it may publish, ask, answer and announce.
         clock: for stamps and arrival times.
 
     Attributes:
@@ -136,13 +92,14 @@ class Bus:
         link = self._link.publisher(
             key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=channel.delivery == "kept"
         )
-        publisher: Publisher[T] = Publisher(self, key, link)
-        self._open[publisher] = None
+        readers = self._readers.setdefault(key, [])
         if key not in self._own_keys:
             self._own_keys.add(key)
             # Mailboxes of everybody's messages that were there first learn of the new key.
-            readers = self._readers.setdefault(key, [])
             readers += [inbox for start, inbox in self._everybodys if key.startswith(start)]
+        publisher: Publisher[T] = Publisher(key, link, readers, self.clock, self.epoch)
+        publisher.on_close(lambda: self._forget(publisher))
+        self._open[publisher] = None
         return publisher
 
     def latest(self, channel: Channel[T], name: str = "", *, own_only: bool = False) -> Latest[T]:

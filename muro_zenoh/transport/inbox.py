@@ -11,18 +11,15 @@ import asyncio
 import logging
 import threading
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Generic, Self, TypeVar
-
-from msgspec import Struct
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
 from muro_zenoh.messages import Message, check_encoding, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.delay import DelayTracker
+from muro_zenoh.transport.received import Counters, Received
 
 log = logging.getLogger(__name__)
 
@@ -35,53 +32,8 @@ MAX_PAYLOAD = 8 * 2**20
 """A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
 
 
-_Filed = tuple[bytes, str | None, float]
+Filed = tuple[bytes, str | None, float]
 """Payload, encoding, arrival."""
-
-
-@dataclass(slots=True)
-class Counters:
-    """What became of the messages of one channel.
-
-    Attributes:
-        received: samples filed.
-        dropped: good or not, they were displaced by newer ones before anybody read them.
-        rejected: they were not what their key promises.
-        arrival: when the newest good one came [s, our clock]; 0 before the first.
-        delay: the newest one's extra delay [s].
-    """
-
-    received: int = 0
-    dropped: int = 0
-    rejected: int = 0
-    arrival: float = 0.0
-    delay: float = 0.0
-
-
-class Received(Struct, Generic[T], frozen=True, gc=False):
-    """A message as it came in.
-
-    Attributes:
-        name: the name in its key (a robot's, a camera's); empty where the channel has none.
-        message: the message.
-        arrival: when it came [s, our clock].
-        delay: its extra delay: how much later it came than this writer's quickest [s].
-        least: the least (arrival - stamp) of this writer [s].
-    """
-
-    name: str
-    message: T
-    arrival: float
-    delay: float
-    least: float
-
-    def age(self, now: float) -> float:
-        """What staleness is judged by: the time since it came plus its extra delay [s]."""
-        return now - self.arrival + self.delay
-
-    def captured(self, latency: float = 0.0) -> float:
-        """When it was stamped, by our clock [s], given the least latency of the way here [s]."""
-        return self.message.stamp + self.least - latency
 
 
 class Inbox(ABC, Generic[T]):
@@ -118,7 +70,7 @@ class Inbox(ABC, Generic[T]):
         self._depth = depth
         self._thread = threading.get_ident()
         self._lock = threading.Lock()
-        self._raw: dict[str, list[_Filed]] = {}
+        self._raw: dict[str, list[Filed]] = {}
         self._awake = False
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
@@ -224,7 +176,7 @@ class Inbox(ABC, Generic[T]):
                 self._sort_key(key, filed)
 
     @abstractmethod
-    def _sort_key(self, key: str, filed: list[_Filed]) -> None:
+    def _sort_key(self, key: str, filed: list[Filed]) -> None:
         """Decode one key's samples."""
 
     @abstractmethod
@@ -270,108 +222,3 @@ class Inbox(ABC, Generic[T]):
     def _notify(self) -> None:
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
-
-
-class Latest(Inbox[T]):
-    """Keeps the newest message of each key, and wakes its reader once for all that came meanwhile."""
-
-    def __init__(
-        self,
-        kind: type[T],
-        prefix: int,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counters,
-        where: str,
-        depth: int = 4,
-    ) -> None:
-        # depth: garbage behind a good message does not displace it, unless there is a lot of it
-        super().__init__(kind, prefix, clock, loop, counters, where, depth)
-        self._newest: dict[str, Received[T]] = {}
-        self._unread: dict[str, Received[T]] = {}
-        self._unseen: set[str] = set()  # names whose newest nobody has looked at, by next() or get()
-
-    def get(self, name: str = "") -> Received[T] | None:
-        """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""
-        if self._raw:
-            self._sort()
-        if not name and self._newest:
-            name = next(iter(self._newest))
-        self._unseen.discard(name)
-        return self._newest.get(name)
-
-    def values(self) -> dict[str, Received[T]]:
-        """The newest message of each name."""
-        if self._raw:
-            self._sort()
-        self._unseen.clear()
-        return dict(self._newest)
-
-    def forget(self, name: str) -> None:
-        """Drop what is known of a name."""
-        if self._raw:
-            self._sort()
-        self._unseen.discard(name)
-        self._newest.pop(name, None)
-        self._unread.pop(name, None)
-
-    def _sort_key(self, key: str, filed: list[_Filed]) -> None:
-        # From the newest on: those behind the first good one are not worth their decoding.
-        while filed:
-            item = self._open(key, *filed.pop())
-            if item is not None:
-                self._counters.dropped += len(filed)
-                self._accept(item)
-                return
-
-    def _accept(self, item: Received[T]) -> None:
-        if item.name in self._unseen:
-            self._counters.dropped += 1
-        self._unseen.add(item.name)
-        self._unread.pop(item.name, None)  # so that the longest unread name comes first
-        self._newest[item.name] = self._unread[item.name] = item
-
-    def _take(self) -> Received[T] | None:
-        for name in self._unread:
-            self._unseen.discard(name)
-            return self._unread.pop(name)
-        return None
-
-
-class Every(Inbox[T]):
-    """A bounded queue; when it is full the oldest goes, and is counted."""
-
-    def __init__(
-        self,
-        kind: type[T],
-        prefix: int,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counters,
-        where: str,
-        depth: int = 64,
-    ) -> None:
-        super().__init__(kind, prefix, clock, loop, counters, where, depth)
-        self._queue: deque[Received[T]] = deque(maxlen=depth)
-
-    def drain(self) -> list[Received[T]]:
-        """All that waits, oldest first, without waiting."""
-        if self._raw:
-            self._sort()
-        items = list(self._queue)
-        self._queue.clear()
-        return items
-
-    def _sort_key(self, key: str, filed: list[_Filed]) -> None:
-        for sample in filed:
-            item = self._open(key, *sample)
-            if item is not None:
-                self._accept(item)
-
-    def _accept(self, item: Received[T]) -> None:
-        if len(self._queue) == self._queue.maxlen:
-            self._counters.dropped += 1
-        self._queue.append(item)
-
-    def _take(self) -> Received[T] | None:
-        return self._queue.popleft() if self._queue else None

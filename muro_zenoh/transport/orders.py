@@ -12,8 +12,8 @@ from typing import Any, Generic, TypeVar
 from muro_zenoh.channels import Role, Verb
 from muro_zenoh.errors import MessageError, MuroError
 from muro_zenoh.messages import Message, Reply, check_encoding, decode
-from muro_zenoh.transport.inbox import Counters
 from muro_zenoh.transport.link import Question
+from muro_zenoh.transport.received import Counters
 
 log = logging.getLogger(__name__)
 

@@ -20,7 +20,7 @@ from muro_zenoh import channels
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, MemoryNetwork, Received, make_bus
-from muro_zenoh.transport.inbox import Every
+from muro_zenoh.transport.mailboxes import Every
 from tests.support.clock import ManualClock
 from tests.support.leaks import no_task_left
 from tests.support.waiting import within

@@ -1,0 +1,119 @@
+"""The two mailboxes that tasks read: the newest message of each name, or every one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from typing import TypeVar
+
+from muro_zenoh.messages import Message
+from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.inbox import Filed, Inbox
+from muro_zenoh.transport.received import Counters, Received
+
+T = TypeVar("T", bound=Message)
+
+
+class Latest(Inbox[T]):
+    """Keeps the newest message of each key, and wakes its reader once for all that came meanwhile."""
+
+    def __init__(
+        self,
+        kind: type[T],
+        prefix: int,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counters,
+        where: str,
+        depth: int = 4,
+    ) -> None:
+        # depth: garbage behind a good message does not displace it, unless there is a lot of it
+        super().__init__(kind, prefix, clock, loop, counters, where, depth)
+        self._newest: dict[str, Received[T]] = {}
+        self._unread: dict[str, Received[T]] = {}
+        self._unseen: set[str] = set()  # names whose newest nobody has looked at, by next() or get()
+
+    def get(self, name: str = "") -> Received[T] | None:
+        """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""
+        if self._raw:
+            self._sort()
+        if not name and self._newest:
+            name = next(iter(self._newest))
+        self._unseen.discard(name)
+        return self._newest.get(name)
+
+    def values(self) -> dict[str, Received[T]]:
+        """The newest message of each name."""
+        if self._raw:
+            self._sort()
+        self._unseen.clear()
+        return dict(self._newest)
+
+    def forget(self, name: str) -> None:
+        """Drop what is known of a name."""
+        if self._raw:
+            self._sort()
+        self._unseen.discard(name)
+        self._newest.pop(name, None)
+        self._unread.pop(name, None)
+
+    def _sort_key(self, key: str, filed: list[Filed]) -> None:
+        # From the newest on: those behind the first good one are not worth their decoding.
+        while filed:
+            item = self._open(key, *filed.pop())
+            if item is not None:
+                self._counters.dropped += len(filed)
+                self._accept(item)
+                return
+
+    def _accept(self, item: Received[T]) -> None:
+        if item.name in self._unseen:
+            self._counters.dropped += 1
+        self._unseen.add(item.name)
+        self._unread.pop(item.name, None)  # so that the longest unread name comes first
+        self._newest[item.name] = self._unread[item.name] = item
+
+    def _take(self) -> Received[T] | None:
+        for name in self._unread:
+            self._unseen.discard(name)
+            return self._unread.pop(name)
+        return None
+
+
+class Every(Inbox[T]):
+    """A bounded queue; when it is full the oldest goes, and is counted."""
+
+    def __init__(
+        self,
+        kind: type[T],
+        prefix: int,
+        clock: Clock,
+        loop: asyncio.AbstractEventLoop,
+        counters: Counters,
+        where: str,
+        depth: int = 64,
+    ) -> None:
+        super().__init__(kind, prefix, clock, loop, counters, where, depth)
+        self._queue: deque[Received[T]] = deque(maxlen=depth)
+
+    def drain(self) -> list[Received[T]]:
+        """All that waits, oldest first, without waiting."""
+        if self._raw:
+            self._sort()
+        items = list(self._queue)
+        self._queue.clear()
+        return items
+
+    def _sort_key(self, key: str, filed: list[Filed]) -> None:
+        for sample in filed:
+            item = self._open(key, *sample)
+            if item is not None:
+                self._accept(item)
+
+    def _accept(self, item: Received[T]) -> None:
+        if len(self._queue) == self._queue.maxlen:
+            self._counters.dropped += 1
+        self._queue.append(item)
+
+    def _take(self) -> Received[T] | None:
+        return self._queue.popleft() if self._queue else None
