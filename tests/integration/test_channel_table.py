@@ -13,6 +13,7 @@ import pytest
 from agents.agent import Agent
 from agents.simulator import Room
 from basestation.station import Station
+from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import CHANNELS, Party, Priority, Role
 from muro_zenoh.config import parse_scenario
@@ -83,10 +84,10 @@ class Fleet:
                 link = self.links[name] = RecordingLink(network)
                 buses[name] = await stack.enter_async_context(make_bus(link, roles=roles, clock=clock))
                 buses[name].announce(roles[0], name)
-            operator = buses["operator"]
+            operator, station = buses["operator"], buses["basestation"]
             mains = [
                 Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor()).run(),
-                Station(buses["basestation"], LAB, None).run(),
+                Station(station, LAB, None, cameras_on_bus(station, LAB, InlineExecutor())).run(),
                 *(Agent(buses[name], LAB, name).run() for name in LAB.robots),
                 Collector(operator, LAB).run(),
             ]

@@ -23,8 +23,7 @@ from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.transport import MemoryNetwork, Received, make_bus
-from muro_zenoh.transport.inbox import Every
+from muro_zenoh.transport import Every, MemoryNetwork, Received, make_bus
 from tests.support.waiting import within
 
 T = TypeVar("T")
