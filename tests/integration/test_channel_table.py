@@ -13,13 +13,14 @@ import pytest
 from agents.agent import Agent
 from agents.simulator import Room
 from basestation.station import Station
+from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import CHANNELS, Channel, Party, Priority, Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.messages import Goal, SetBehaviour
 from muro_zenoh.orders.goal import send_goal
 from muro_zenoh.orders.stop import resume_robots, stop_robots
-from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from muro_zenoh.transport.link import Closable, FileSample, LinkPublisher
@@ -88,10 +89,10 @@ class Fleet:
                 link = self.links[name] = RecordingLink(network)
                 buses[name] = await stack.enter_async_context(make_bus(link, roles=roles, clock=clock))
                 buses[name].announce(roles[0], name)
-            operator = buses["operator"]
+            operator, station = buses["operator"], buses["basestation"]
             mains = [
-                Room(buses["simulator"], LAB, seed=3).run(),
-                Station(buses["basestation"], LAB, None).run(),
+                Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor()).run(),
+                Station(station, LAB, None, cameras_on_bus(station, LAB, InlineExecutor())).run(),
                 *(Agent(buses[name], LAB, name).run() for name in LAB.robots),
                 Collector(operator, LAB).run(),
             ]
