@@ -75,7 +75,7 @@ class _Recording:
 
 
 class Fleet:
-    """What was recorded of a fleet: in pursuit, then with a goal and in coverage, then stopped and resumed."""
+    """What was recorded of a fleet: in pursuit, then on a circle, with a goal and in coverage, then stopped and resumed."""
 
     def __init__(self) -> None:
         self.links: dict[str, RecordingLink] = {}
@@ -102,10 +102,10 @@ class Fleet:
                 before = self._written()
                 await asyncio.sleep(MEASURED)
                 self.rates = {key: (n - before[key]) / MEASURED for key, n in self._written().items()}
-                for name, behaviour in (("r1", "dubins"), ("r2", "coverage")):
+                for name, behaviour in (("r1", "circle"), ("r1", "dubins"), ("r2", "coverage")):
                     order = SetBehaviour(behaviour=behaviour, names=(name,))
                     assert (await operator.ask(channels.SET_BEHAVIOUR, order)).accepted
-                await asyncio.sleep(1.0)
+                    await asyncio.sleep(1.0)
                 assert (await send_goal(operator, "r1", Goal(x=0.5, y=0.0))).accepted
                 await asyncio.sleep(1.0)
                 await stop_robots(operator, ())
