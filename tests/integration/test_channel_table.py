@@ -75,7 +75,7 @@ class _Recording:
 
 
 class Fleet:
-    """What was recorded of a fleet: in pursuit, then on a circle, with a goal and in coverage, then stopped and resumed."""
+    """What was recorded of a fleet: in pursuit, on a circle, with a goal and in coverage, then stopped and resumed."""
 
     def __init__(self) -> None:
         self.links: dict[str, RecordingLink] = {}
