@@ -118,7 +118,7 @@ async def test_what_was_sent_is_stamped_once_and_the_callers_message_stays(netwo
     clock = ManualClock(42.0)
     bus = await network.open(clock)
     out = bus.publisher(channels.POSE, "r1")
-    measured = PoseFix(stamp=40.0, x=0.0, y=0.0, theta=0.0, covariance=COVARIANCE, camera="north")
+    measured = PoseFix(stamp=40.0, age=0.05, x=0.0, y=0.0, theta=0.0, covariance=COVARIANCE, camera="north")
     assert out.put(measured).stamp == 40.0
     assert (measured.seq, measured.epoch) == (0, 0)
     mine = speed(1.0)

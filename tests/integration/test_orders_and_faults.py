@@ -56,7 +56,7 @@ async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
         await fleet.until(lambda: abs(fleet.truth["r1"].v - 0.1) < 0.01, 10, "r1 at the foreign program's speed")
         await fleet.throughout(lambda: abs(fleet.truth["r2"].v - 0.1) > 0.05, 0.5, "r2 at its own")
         other.kill()
-    await fleet.until(lambda: fleet.says("r1", "the velocity is silent") and fleet.standing("r1"), 5, "r1 holds")
+    await fleet.until(lambda: fleet.says("r1", "no velocity for") and fleet.standing("r1"), 5, "r1 holds")
 
 
 async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> None:
