@@ -95,7 +95,7 @@ VELOCITY = Channel(
     pacing="each estimate",
     stale_after=0.5,
     ros="velocity",
-    note="from the behaviour pursuit, or from a lab's own program in its place",
+    note="from the robot's behaviour, or from a lab's own program in its place",
 )
 CMD_VEL = Channel(
     word="cmd_vel",
@@ -201,12 +201,12 @@ TRUTH = Channel(
     note="for score sheets only; no task may read it",
 )
 
-GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT)
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))
 """Every channel above, in its order."""
