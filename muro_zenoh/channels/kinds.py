@@ -9,6 +9,8 @@ from typing import Final, Generic, Literal, TypeVar
 
 from muro_zenoh.messages import Message
 
+__all__ = ["ALL_ROLES", "Channel", "Delivery", "Party", "Priority", "Role", "Verb"]
+
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 Delivery = Literal["newest", "every", "kept"]
