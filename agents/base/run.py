@@ -56,7 +56,7 @@ class _Bases:
         """Obey commands as they come, until ``due`` of the loop's time, however many come."""
         loop = asyncio.get_running_loop()
         try:
-            async with asyncio.timeout_at(due):
+            async with asyncio.timeout_at(due) as waiting:
                 while True:
                     received = await self._commands.next()
                     base = self._bases.get(received.name)
@@ -65,7 +65,8 @@ class _Bases:
                     if loop.time() >= due:
                         await asyncio.sleep(0)  # a flood of commands leaves no other moment for the timeout
         except TimeoutError:
-            return
+            if not waiting.expired():  # the wheels' own: a serial line that does not answer
+                raise
 
     def _beat(self, with_odometry: bool) -> None:
         now = self._clock.now()

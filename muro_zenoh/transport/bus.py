@@ -248,16 +248,17 @@ class Bus:
 
     # ---- looking at anything
 
-    def tap(self, key_expr: str, depth: int = 1024) -> Tap:
+    def tap(self, key_expr: str, depth: int = 1024, *, keep: bool = False) -> Tap:
         """Bytes of any key, for tools; nothing is decoded.
 
         Args:
             key_expr: a Zenoh key expression.
             depth: how many samples wait at most.
+            keep: begin with the values that were kept before.
         """
         self._check_open()
         tap = Tap(self._loop, self.clock, depth)
-        tap.on_close(self._link.subscribe(key_expr, tap.file, encoding="", keep=False).close)
+        tap.on_close(self._link.subscribe(key_expr, tap.file, encoding="", keep=keep).close)
         tap.on_close(lambda: self._forget(tap))
         self._open[tap] = None
         return tap

@@ -60,8 +60,13 @@ async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
 
 
 async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> None:
-    await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="fly", names=("r2",)))
-    await fleet.until(lambda: fleet.says("r2", "got 'fly', expected one of circle, pursuit"), 5, "r2 says why")
+    reply = fleet.muro("set", "behaviour", "fly", "--robot", "r2")
+    assert reply.returncode == 1
+    assert "got 'fly', expected one of circle, coverage" in reply.stdout
+    # Only the robots load a user's own, so that the base station keeps it.
+    reply = fleet.muro("set", "behaviour", "nolab:fly", "--robot", "r2")
+    assert reply.returncode == 1
+    await fleet.until(lambda: fleet.says("r2", "No module named 'nolab'"), 5, "r2 says why")
     await fleet.until(lambda: fleet.standing("r2"), 3, "r2 stands")
     assert fleet.process["r2"].running
     assert fleet.driving("r3")

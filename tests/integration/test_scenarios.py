@@ -81,7 +81,7 @@ def test_goals_of_a_list_are_reached_and_an_operator_s_are_answered(
         assert muro("set", "behaviour", "hold", "--robot", "r2", *there).returncode == 0
         order = muro("goal", "r2", str(x), str(y), *there)
         assert order.returncode == 1
-        assert order.stdout == "r2: refused: this behaviour takes no goals\n"
+        assert order.stdout == "r2: refused: the behaviour hold takes no goals\n"
         assert process.wait(40) == 0
     sheet = json.loads(Path("r.json").read_text())
     assert (sheet["goals_asked"], sheet["goals_reached"]) == (2, 2)

@@ -205,16 +205,16 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
-        "lab.toml: circle.radius: got 0.9 m round (0, 0), expected at most 0.823 m, so that robots of 0.177 m radius",
+        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.823 m, so that robots of 0.177 m radius",
     ),
     "a circle whose centre is outside": (
         {"arena": SMALL, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.5, "x": 4.0}},
-        "lab.toml: circle.radius: got 0.5 m round (4, 0), expected at most 0 m",
+        "lab.toml: circle.radius: got 0.5 m around (4, 0), expected at most 0 m",
     ),
     "too many robots for the circle": (
         {"robots": 15, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
         "lab.toml: circle.radius: got 15 robots on a circle of 0.8 m, 0.333 m apart, expected at least 0.354 m between "
-        "their centres. At most 14 robots fit, or a circle of 0.85 m.",
+        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.85 m.",
     ),
     "pixels without metres": (
         {"camera": {"north": {"pixels": PIXELS}}},
@@ -227,7 +227,8 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
-        "lab.toml: goals.r1[1]: got (5, 0), expected a place at least the robot's radius, 0.177 m, inside the arena",
+        "lab.toml: goals.r1[1]: got (5, 0), expected a position inside the arena, at least 0.177 m (the robot's "
+        "radius) from its border",
     ),
 }
 
