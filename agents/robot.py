@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from muro_zenoh import config
 from muro_zenoh.behaviours.circle import CircleFollowing
-from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Vehicle, hold
+from muro_zenoh.behaviours.interface import Behaviour, Intent, Neighbour, Seen, Vehicle, hold
 from muro_zenoh.control.circle import CircleLaw
 from muro_zenoh.errors import BehaviourError, MuroError, PlanningError
 from muro_zenoh.geometry import Bounds, Circle, State, Twist2
@@ -27,21 +27,6 @@ from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Latest
 
 P = TypeVar("P")
-
-
-class Neighbour(NamedTuple):
-    """Another robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
-    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
-    ``lost``."""
-
-    name: str
-    x: float
-    y: float
-    theta: float
-    v: float
-    omega: float
-    age: float
-    state: str
 
 
 class Connection(NamedTuple):
@@ -134,7 +119,7 @@ class Robot:
 
     @property
     def neighbours(self) -> tuple[Neighbour, ...]:
-        """All other robots as the cameras last saw them; none while no fresh snapshot is known.
+        """All other robots as the cameras last saw them, their ages up to now; none while no fresh snapshot is known.
 
         A robot that is not seen any more stays in it (``stale``, then ``lost``): it is an obstacle where it was.
         """
