@@ -16,7 +16,7 @@ from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
 from muro_zenoh.channels import Channel
 from muro_zenoh.config import RobotSettings
-from muro_zenoh.estimation.pose_filter import PoseEstimate, PoseFilter
+from muro_zenoh.estimation.pose_filter import FilterSettings, PoseEstimate, PoseFilter
 from muro_zenoh.geometry import STILL, Circle, State
 from muro_zenoh.messages import (
     Calibration,
@@ -44,7 +44,7 @@ _REPEAT = 0.1
 _INTENT_TIMEOUT = 0.25
 """What a behaviour wanted longer ago than this is not wanted any more [s]."""
 
-_CALIBRATION_PERIOD = 1.0
+_FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
 
 _NUMBER = re.compile(r"[0-9.]+")
 
@@ -87,7 +87,7 @@ class ControlLoop:
         self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
-        self._filter = PoseFilter(limits=robot.wheels)
+        self._filter = PoseFilter(_FILTER, robot.wheels)
         self._estimate: PoseEstimate | None = None
         self._stopped_names: frozenset[str] = frozenset()
         self._behaviour: Behaviour | None = None
@@ -122,7 +122,7 @@ class ControlLoop:
         if estimate is not None:
             seen = self.seen = self._look(now, estimate, around)
             out.append((channels.ESTIMATE, _estimate_message(now, estimate)))
-            if now - self._calibrated >= _CALIBRATION_PERIOD:
+            if now - self._calibrated >= channels.CAL_V.period:
                 self._calibrated = now
                 out.append((channels.CAL_V, _calibration(estimate.s_v, estimate.sigma_v)))
                 out.append((channels.CAL_OMEGA, _calibration(estimate.s_omega, estimate.sigma_omega)))
@@ -220,7 +220,7 @@ class ControlLoop:
         reasons = reasons_to_stand(
             latch=self.latch,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
-            fix_limit=channels.POSE.stale_after or 0.0,
+            fix_limit=channels.POSE.stale_after,
             twist_age=now - self._intended,
             twist_limit=_INTENT_TIMEOUT,
             hold=intent.reason if intent.twist is None else "",

@@ -15,7 +15,7 @@ from muro_zenoh.transport import Received
 
 log = logging.getLogger(__name__)
 
-DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
+DEAD_MAN = channels.CMD_VEL.stale_after
 """A command older than this is not obeyed any longer [s]."""
 
 

@@ -13,7 +13,7 @@ from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.messages import FleetSnapshot, PoseFix, SpeedReference
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
 
-TICK: Final = 1.5 * 0.05
+TICK: Final = 1.5 * channels.POSE.period
 """When no fix has come for this long, the estimate is moved on without one [s]."""
 
 

@@ -11,7 +11,7 @@ from muro_zenoh import channels
 from muro_zenoh.messages import Health
 from muro_zenoh.transport import Bus
 
-_PERIOD = 1.0
+_PERIOD = channels.HEALTH.period
 
 
 async def report_health(

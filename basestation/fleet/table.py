@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from muro_zenoh import channels
 from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.messages import RobotState, RobotStatus
 
-STALE_AFTER = 0.4
+STALE_AFTER = channels.POSE.stale_after
 """A robot not seen for longer than this is ``stale`` [s] ..."""
 
 LOST_AFTER = 2.0
@@ -17,9 +18,6 @@ LOST_AFTER = 2.0
 _DISTANCE = 0.25
 _ANGLE = 0.6
 """An estimate agrees with the fix when it is no farther from it than this [m], [rad], and what it drove since."""
-
-_MOTION_AGE = 0.5
-"""An older estimate is ignored [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +93,7 @@ class FleetTable:
         motion = self._motions.get(name)
         v = omega = 0.0
         state: RobotStatus = "tracking"
-        if motion is not None and now - motion.arrival <= _MOTION_AGE:
+        if motion is not None and now - motion.arrival <= channels.ESTIMATE.stale_after:
             if _agree(row, motion):
                 v, omega = motion.v, motion.omega
             else:

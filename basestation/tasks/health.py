@@ -13,7 +13,7 @@ from muro_zenoh.errors import TransportError
 from muro_zenoh.messages import Health
 from muro_zenoh.transport import Bus
 
-_PERIOD = 1.0
+_PERIOD = channels.HEALTH.period
 _RUNNING = "running"
 
 _OTHER_GONE = 3.0

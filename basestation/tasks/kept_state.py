@@ -15,7 +15,7 @@ from muro_zenoh.transport import Bus
 
 log = logging.getLogger(__name__)
 
-_PERIOD = 0.5
+_PERIOD = channels.STOP.period
 
 _SHORTEST_ADOPTION = 0.15
 """After its start the base station listens to the robots' health for at least this long before it publishes the stop

@@ -53,7 +53,7 @@ class CameraOnBus:
     async def _look(self, frame: Received[Frame]) -> Sightings:
         captured = frame.captured(self._latency)
         age = frame.age(self._bus.clock.now())
-        if age > (channels.CAMERA.stale_after or 0.0):  # where robots were is not where they are
+        if age > channels.CAMERA.stale_after:  # where robots were is not where they are
             late = f"camera {self._name}: frames arrive {age:.1f} s late"
             return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
         loop = asyncio.get_running_loop()
