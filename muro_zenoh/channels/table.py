@@ -92,7 +92,7 @@ VELOCITY = Channel(
     pacing="each estimate",
     stale_after=0.5,
     ros="velocity",
-    note="from the behaviour pursuit, or from a lab's own program in its place",
+    note="from the robot's behaviour, or from a lab's own program in its place",
 )
 CMD_VEL = Channel(
     word="cmd_vel",
@@ -218,11 +218,11 @@ CHANNELS: Final[tuple[Channel[Any], ...]] = (
     TRUTH,
 )
 
-GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT)
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
-VERBS: Final[tuple[Verb[Any], ...]] = (GOAL_ORDER, SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR)
+VERBS: Final[tuple[Verb[Any], ...]] = (SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR, GOAL_ORDER)
