@@ -111,7 +111,7 @@ def measure(robots: int, seconds: float, folder: Path) -> Row:
     """
     scenario, report = folder / "scale.toml", folder / f"{robots}.json"
     scenario.write_text(SCENARIO)
-    command = [sys.executable, "-m", "muro_zenoh.cli.main", "run", str(scenario), "--robots", str(robots)]
+    command = [sys.executable, "-P", "-m", "muro_zenoh", "run", str(scenario), "--robots", str(robots)]
     command += ["--duration", str(seconds), "--seed", str(SEED), "--headless", "--report", str(report)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode != 0 or not report.exists():

@@ -204,7 +204,10 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     await lab.truth("r1", 0.8, 0.0)
     await lab.truth("r2", 0.0, 0.9)
     await lab.health(
-        "r1", numbers={"command_rate_hz": 31.0}, samples={"pose_age_s": (0.05, 0.06, 0.2)}, reasons=("stop order",)
+        "r1",
+        numbers={"command_rate_hz": 31.0},
+        samples={"pose_age_s": (0.05, 0.06, 0.2)},
+        reasons=("stopped by order",),
     )
     lab.collector.take_sample()
     view = view_of(lab.collector, SCENARIO, 3)
@@ -212,7 +215,7 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     assert (one.name, one.state, one.reasons, one.pose_age, one.command_rate) == (
         "r1",
         "driving",
-        "stop order",
+        "stopped by order",
         0.06,
         31,
     )

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -17,13 +17,15 @@ from hypothesis import strategies as st
 from msgspec.structs import replace as replace_fields
 
 from muro_zenoh.config import Checks
+from muro_zenoh.config.checks import at_least, at_most
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
+from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
-from muro_zenoh.scoring.checks import CHECKS
+from muro_zenoh.scoring.checks import CHECKS, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
 from muro_zenoh.scoring.deployment import Deployment
 from muro_zenoh.scoring.expectations import Asked
@@ -212,7 +214,7 @@ def test_a_good_run_s_sheet() -> None:
         {"cal0": 1.05, "calD": 0.9, "true_cal0": 1.0204, "true_calD": 0.9091, "error": 0.029, "error_after_10s": 0.04}
     )
     assert sheet["calibration"]["r2"]["error"] is None
-    assert (sheet["goals_asked"], sheet["goals_reached"]) == (3, 3)
+    assert (sheet["goals_asked"], sheet["goals_reached"], sheet["goals_missed"]) == (3, 3, 0)
     assert (sheet["goal_distance_m"], sheet["goal_heading_rad"]) == (0.02, 0.1)
     assert sheet["goals"]["r2"] == [
         {"x": 1.48, "y": 0.51, "theta": 0.0, "reached_s": 20.0, "distance_m": 0.02, "heading_rad": 0.1}
@@ -401,16 +403,31 @@ def test_numbers_are_rounded_as_their_rows_say() -> None:
 
 
 def test_there_is_a_check_for_every_limit() -> None:
-    assert [check.name for check in CHECKS] == [name for name in Checks.__struct_fields__ if name != "window"]
+    assert [judged.name for judged in CHECKS] == [name for name in Checks.__struct_fields__ if name != "window"]
 
 
-def test_a_check_has_the_unit_of_what_it_looks_at() -> None:
-    units = {row.key: row.unit for row in definitions(ScoreSheet)}
-    for check in CHECKS:
-        keys = re.findall("`([^`]+)`", check.looks_at)
-        assert keys
-        for key in keys:
-            assert check.unit == ("s" if "in seconds" in check.looks_at else units[key])
+def test_a_check_in_the_report_is_in_the_unit_of_its_limit() -> None:
+    sheet = report(observed(), ALL_CHECKS)
+    assert sheet["pose_age_ms"]["p99"] == pytest.approx(99.0)
+    assert sheet["checks"]["pose_age_p99"]["value"] == pytest.approx(0.099)
+    assert sheet["checks"]["fix_rate"]["value"] == 19.5, "the worst robot's"
+
+
+class NoSuchKey(Checks, frozen=True, kw_only=True):
+    jerk: Annotated[Length | None, at_most("jerk_m_s3")] = None
+
+
+class WrongUnit(Checks, frozen=True, kw_only=True):
+    separation: Annotated[Period | None, at_least("min_separation_m")] = None
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [(NoSuchKey, "check jerk: got 'jerk_m_s3', expected a key of"), (WrongUnit, "separation: got a limit in 's'")],
+)
+def test_a_check_that_looks_at_nothing_is_refused_where_it_is_declared(kind: type[Checks], said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        judged_checks(kind)
 
 
 # ---- the page
