@@ -13,7 +13,7 @@ import pytest_asyncio
 
 from muro_zenoh import channels, geometry
 from muro_zenoh.config import find_scenario
-from muro_zenoh.messages import Calibration, Circle, Health, Truth
+from muro_zenoh.messages import Calibration, Circle, Health, Truth, VelocityCommand
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.view import view_of
@@ -176,6 +176,27 @@ async def test_calibrations_are_looked_at_after_ten_seconds_on_the_circle(lab: L
     assert seen.calibration_error_10s == {"r1": pytest.approx(0.04)}  # 1.2 * 0.8 = 0.96; 0.9 * 1.1 = 0.99
     assert seen.calibration["r1"].error == pytest.approx(0.0)
     assert seen.calibration["r2"].error is None
+
+
+async def test_the_largest_command_of_all_is_kept() -> None:
+    """Of every robot, over its own limits, forwards and backwards, driving and turning; r1 may do 0.5 m/s, 1.5 rad/s."""
+    scenario = find_scenario("pursuit", 2, {"checks.command_ratio": 1.0, "all.v_max": 0.5})
+    network, clock = MemoryNetwork(), ManualClock()
+    async with make_bus(network.link(), "muro", clock=clock) as bus, make_bus(network.link(), "muro") as other:
+        collector = Collector(bus, scenario)
+        running = asyncio.create_task(collector.run())
+        await asyncio.sleep(0)
+        ratios = []
+        for name, v, omega in (("r1", 0.2, 0.3), ("r2", -0.45, 0.0), ("r1", 0.0, -1.2), ("r2", 0.1, 0.0)):
+            other.publisher(channels.CMD_VEL, name).put(VelocityCommand(v=v, omega=omega))
+            for _ in range(8):
+                await asyncio.sleep(0)
+            seen = collector.observed(duration=1.0, seed=1, ended="duration", restarts=0, processes={})
+            ratios.append(seen.command_ratio)
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+    assert ratios == pytest.approx([0.4, 0.9, 0.9, 0.9])
 
 
 async def test_the_operator_s_view(lab: Lab) -> None:
