@@ -29,7 +29,7 @@ from muro_zenoh.messages import (
     StopOrder,
     VelocityCommand,
 )
-from muro_zenoh.safety.gate import reasons_to_stand
+from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
 from muro_zenoh.safety.stop import StopLatch
 
@@ -223,7 +223,7 @@ class ControlLoop:
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent = self._estimate, self._intent
-        reasons = reasons_to_stand(
+        reasons = reasons_to_hold(
             latch=self.latch,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
             fix_limit=channels.POSE.stale_after,

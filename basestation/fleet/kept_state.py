@@ -49,6 +49,8 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         stop_revision: the revision of the newest change of the stop, which stop orders carry. It has one of its own,
             because a newer revision lifts a stop that robots received straight from an operator: a change of the circle
             must not.
+        lifted_revision: the stop revision of the newest resume. What robots latched before it is lifted; what they
+            latched since is not, whatever other stops were kept in between, and however often this process restarted.
         circle: the circle to follow.
         behaviour: of each robot.
         stop_all: everybody is stopped.
@@ -60,6 +62,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     revision: Annotated[int, Meta(ge=0)] = 1
     stop_revision: Annotated[int, Meta(ge=0)] = 1
+    lifted_revision: Annotated[int, Meta(ge=0)] = 0
     circle: Circle
     behaviour: dict[Name, KeptBehaviour]
     stop_all: bool = False
@@ -163,23 +166,23 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )
         _check_names(order.names, scenario)
         stopped = {*self.stop_names, *(scenario.robots if self.stop_all else ())}
-        return self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
+        new = self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
+        return msgspec.structs.replace(new, lifted_revision=new.stop_revision)
 
-    def adopting(self, name: str, health: Health, resumed: int) -> KeptState:
+    def adopting(self, name: str, health: Health) -> KeptState:
         """The state with a stop that a robot received straight from an operator, or with a newer revision than this.
 
         Args:
             name: of the robot.
             health: what its agent reports.
-            resumed: the revision of the newest resume: what was latched before it is lifted; what was latched since is
-                not, whatever other stops were kept in between.
 
         Returns:
             This very state when there is nothing new.
         """
         known = self.stop_revision
         latched = health.stop_revision if health.stop_revision <= MOST_REVISION else known
-        if health.stop_latched and latched >= resumed:
+        # At revision 0 it has received no state since it started, so it cannot have missed a resume either.
+        if health.stop_latched and (latched >= self.lifted_revision or latched == 0):
             already = self.stop_all or (not health.stop_all and name in self.stop_names)
             if already and latched <= known:
                 return self

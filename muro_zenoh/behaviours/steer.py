@@ -1,4 +1,4 @@
-"""Go to each goal by point-forward steering, turning while driving; nothing is planned."""
+"""Drive to each goal by point-forward steering, turning while driving, without a planned path."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Parameters:
 
     Args:
         steering: the law.
-        targets: where to.
+        targets: the goals.
     """
 
     steering: GoToGoal = GoToGoal()
@@ -33,8 +33,8 @@ class Steering(Behaviour):
 
     Args:
         law: the steering law.
-        itinerary: where to.
-        vehicle: whose arena and radius it has.
+        itinerary: the goals.
+        vehicle: the robot; its arena and radius are used.
     """
 
     def __init__(self, law: GoToGoal, itinerary: Itinerary, vehicle: Vehicle) -> None:
@@ -43,14 +43,14 @@ class Steering(Behaviour):
         self._vehicle = vehicle
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
-        """Take any goal inside the arena.
+        """Accept any goal inside the arena.
 
         Args:
             goal: where to go.
-            seen: not looked at.
+            seen: not used.
 
         Returns:
-            Why not; empty when the goal is taken.
+            Why the goal is refused; empty when it is accepted.
         """
         try:
             require_goal_inside(Pose2(goal.x, goal.y, 0.0), self._vehicle.arena, self._vehicle.radius)
@@ -63,7 +63,7 @@ class Steering(Behaviour):
         """Steer to the current goal.
 
         Args:
-            seen: where the robot will be.
+            seen: the robot's predicted state.
         """
         self._itinerary.begin_next(seen.now)
         goal = self._itinerary.current
@@ -80,8 +80,8 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Steering:
     """The behaviour of one robot.
 
     Args:
-        parameters: the law, and where to go.
-        vehicle: whose arena and radius it has.
+        parameters: the law, and the goals.
+        vehicle: the robot; its arena and radius are used.
     """
     return Steering(parameters.steering, parameters.targets.itinerary(), vehicle)
 
@@ -90,8 +90,8 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
     """Refuse goals outside the arena.
 
     Args:
-        parameters: with the goals.
-        circle: any.
+        parameters: the parameters, with the goals.
+        circle: not used.
         fleet: the robots.
 
     Raises:
@@ -103,7 +103,7 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
 BEHAVIOUR = BehaviourKind(
     Parameters,
     make,
-    "go to each goal by point-forward steering",
+    "drive to each goal by point-forward steering",
     needs=frozenset({Need.GOALS}),
     expects=lambda parameters: Expectation(goals=True),
     fits=fits,

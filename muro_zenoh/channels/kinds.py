@@ -9,6 +9,8 @@ from typing import Final, Generic, Literal, TypeVar
 
 from muro_zenoh.messages import Message
 
+__all__ = ["ALL_ROLES", "Channel", "Delivery", "Party", "Priority", "Role", "Verb"]
+
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 Delivery = Literal["newest", "every", "kept"]
@@ -17,7 +19,7 @@ Delivery = Literal["newest", "every", "kept"]
 
 
 class Role(StrEnum):
-    """What a process is in the fleet. One process may have several: the simulator's is bases and cameras too."""
+    """What a process is in the fleet. One process may have several: the simulator is also bases and cameras."""
 
     AGENT = "agent"
     BASE = "base"
@@ -65,8 +67,8 @@ class Channel(Generic[M_co]):
     Attributes:
         word: the second word of its keys.
         kind: the message on it.
-        writers: who publishes it; the bus refuses everybody else.
-        readers: who subscribes to it; a lab's own programs may besides.
+        writers: who publishes it; the bus refuses all others.
+        readers: who subscribes to it; a lab's own programs may as well.
         delivery: what a reader gets.
         rate: how often each key is written to [Hz]; None where only events are.
         pacing: what it is written at, where the rate does not say all.
@@ -103,9 +105,10 @@ class Verb(Generic[M_co]):
     Attributes:
         word: what is ordered.
         kind: the message that orders it.
-        named: what the last word of the key names; empty when there is only one who answers.
-        answered_by: who takes it.
-        asked_by: who may give it.
+        named: what the last word of the key names; empty where only one process answers.
+        answered_by: the role that takes it.
+        asked_by: the role that may give it.
+        ros: the topic it replaces.
     """
 
     word: str
@@ -113,3 +116,4 @@ class Verb(Generic[M_co]):
     named: str = ""
     answered_by: Role = Role.BASESTATION
     asked_by: Role = Role.OPERATOR
+    ros: str = ""

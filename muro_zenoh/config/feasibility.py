@@ -63,5 +63,5 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
                 raise ConfigError(
                     origin.at(f"goals.{name}[{index}]"),
                     got=f"({x:g}, {y:g})",
-                    expected=f"a place at least the robot's radius, {body:g} m, inside the arena",
+                    expected=f"a position inside the arena, at least {body:g} m (the robot's radius) from its border",
                 )

@@ -121,7 +121,7 @@ def settling(effort: Effort) -> Figure:
     angles = np.random.default_rng(1).uniform(0.0, BUNCH, (effort.trials, ROBOTS))
     x, y = CIRCLE.radius * np.cos(angles), CIRCLE.radius * np.sin(angles)
     starts = np.stack((x, y, angles + math.pi / 2.0), axis=-1)
-    bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX)
+    bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX, BAND)
     figure, (course, ratios) = sheet(PAGE, 2.6, 1, 2)
     for name, (label, color, dashes) in LAW_LOOKS.items():
         law = pursuit_law(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)

@@ -58,7 +58,7 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         total = sum(scalars(self))
         for name in vectors:
             total = sum(getattr(self, name), total)
-        # One sum says it for all numbers; only where it is not finite, the field is looked for.
+        # One sum tests all numbers; only if it is not finite is the field searched for.
         if not math.isfinite(total):
             others = tuple(field.name for field in msgspec.structs.fields(type(self)))
         for name in others:

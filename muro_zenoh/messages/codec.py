@@ -15,7 +15,7 @@ from muro_zenoh.errors import MessageError
 from muro_zenoh.messages.base import Message
 
 VERSION = 1
-"""Version of all message layouts; it stands in the encoding, as in ``application/msgpack;PoseFix.1``."""
+"""Version of all message layouts; it is part of the encoding, as in ``application/msgpack;PoseFix.1``."""
 
 M = TypeVar("M", bound=Message)
 
@@ -41,7 +41,7 @@ def decode(data: bytes, kind: type[M]) -> M:
 
 @cache
 def decoder(kind: type[M]) -> Callable[[bytes], M]:
-    """:func:`decode` for one kind, for who decodes many.
+    """:func:`decode` for one kind, to decode many.
 
     Args:
         kind: what the bytes should be.
@@ -66,7 +66,7 @@ def encoding_of(kind: type[Message]) -> str:
 
 
 def check_encoding(encoding: str | None, kind: type[Message]) -> None:
-    """Refuse bytes that say they are something else. A writer that says nothing is taken at version 1.
+    """Refuse bytes whose encoding says something else. Without an encoding version 1 is assumed.
 
     Raises:
         MessageError: another type, another version, or no MessagePack at all.

@@ -1,4 +1,4 @@
-"""What is kept, ordered and answered: goals, circle, behaviours, stop, health, and the orders to the base station."""
+"""What is kept, ordered and answered: circle, behaviours, stop, health, and the orders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from muro_zenoh.messages.base import Message, Name, Value
 
 
 class Goal(Message, frozen=True, kw_only=True):
-    """Where a robot shall go; ``theta`` may be nil when the heading does not matter."""
+    """An order to a robot: go there; ``theta`` may be nil when the heading does not matter."""
 
     x: float
     y: float
@@ -86,7 +86,7 @@ class Health(Message, frozen=True, kw_only=True):
 
 
 class SetCircle(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the circle. What is nil stays as it is."""
+    """An order to the base station: change the circle. What is nil stays unchanged."""
 
     x: float | None = None
     y: float | None = None
@@ -122,7 +122,7 @@ class Clear(Message, frozen=True, kw_only=True):
 
 
 class Reply(Message, frozen=True, kw_only=True):
-    """The base station's answer to an order."""
+    """The answer to an order: accepted, or refused with the reason."""
 
     accepted: bool
     reason: str = ""

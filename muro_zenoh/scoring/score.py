@@ -35,6 +35,7 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
     if asked.importance is not None and window:
         positions = [p for s in window for p in s.positions.values()]
         density = density_error(positions, window[-1].circle, asked.importance)
+    reached = sum(1 for goal in results if goal.reached_s is not None)
     sheet = ScoreSheet(
         scenario=seen.scenario,
         robots=len(seen.robots),
@@ -46,7 +47,8 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
         radius_error_by_robot_m={name: ErrorSpread.of(errors) for name, errors in radius.items()},
         spacing_error_rad=ErrorSpread.of(_spacing_errors(seen, window)),
         goals_asked=len(results),
-        goals_reached=sum(1 for goal in results if goal.reached_s is not None),
+        goals_reached=reached,
+        goals_missed=len(results) - reached if results else None,
         goal_distance_m=max((g.distance_m for g in results if g.distance_m is not None), default=None),
         goal_heading_rad=max((g.heading_rad for g in results if g.heading_rad is not None), default=None),
         goals=goals,

@@ -119,6 +119,7 @@ class ScoreSheet(Table):
             f"least {REST:g} s is slower than {STATIONARY_SPEED:g} m/s and {STATIONARY_TURNING_RATE:g} rad/s is at rest"
         ),
     ]
+    goals_missed: Annotated[int | None, Row("`goals_asked` minus `goals_reached`; `null` when no goal was asked for")]
     goal_distance_m: Annotated[
         float | None,
         Row("the largest distance from a goal of the robot at rest there; `null` when none was reached", "m", 4),

@@ -244,10 +244,10 @@ async def test_who_has_heard_no_stop_state_stands() -> None:
     async with memory_fleet(scenario(2, "circle"), agents=False) as fleet:
         fleet.silence(channels.STOP)
         await fleet.start_agent("r1")
-        await fleet.until(lambda: fleet.holds("r1", "no stop state heard yet"), 2, "it says why")
+        await fleet.until(lambda: fleet.holds("r1", "no stop state received yet"), 2, "it says why")
         await asyncio.sleep(2.0)
         assert fleet.commanded("r1") == (0.0, 0.0)
-        assert fleet.healths["r1"].reasons == ("no stop state heard yet",)  # all else is there
+        assert fleet.healths["r1"].reasons == ("no stop state received yet",)  # all else is there
 
 
 @virtual
@@ -256,7 +256,7 @@ async def test_a_stop_order_stands_with_the_wheels_at_zero_until_it_is_lifted() 
         await fleet.order(channels.STOP_ORDER, Stop())
         await fleet.until(lambda: not fleet.driving, 0.1, "zero at once")
         await fleet.until(lambda: all(fleet.healths[n].stop_latched for n in ("r1", "r2")), 0.1, "said at once")
-        assert fleet.holds("r1", "stop order to everybody")
+        assert fleet.holds("r1", "stopped by order (all robots)")
         await asyncio.sleep(1.5)
         assert fleet.speed("r1") == pytest.approx(0.0, abs=1e-3)
         assert not fleet.dead_man("r1")  # zero is commanded, not left to the dead-man
@@ -408,7 +408,10 @@ def test_a_behaviour_that_says_nothing_more_is_not_driven_on(tmp_path: Path, mon
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
-            for behaviour, reason in (("sleepy", "the behaviour is silent"), ("brief", "lab_of_ours:brief has ended")):
+            for behaviour, reason in (
+                ("sleepy", "no command from the behaviour"),
+                ("brief", "lab_of_ours:brief has ended"),
+            ):
                 await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=f"lab_of_ours:{behaviour}"))
                 await fleet.until(lambda r=reason: fleet.holds("r1", r), 1.5, reason)  # type: ignore[misc]
                 assert fleet.commanded("r1") == (0.0, 0.0)

@@ -211,7 +211,7 @@ def test_an_operator_beside_a_fleet() -> None:
         assert (circle["radius"], circle["clockwise"]) == (0.9, True)
         order = muro("set", "circle", "--radius", "9", *there)
         assert order.returncode == 1
-        assert "refused: circle: got 9 m" in order.stdout
+        assert "refused: circle.radius: got 9 m" in order.stdout
 
         order = muro("set", "behaviour", "circle", "speed=0.1", "--robot", "r2", *there)
         assert order.returncode == 0

@@ -129,7 +129,7 @@ def test_a_wrong_key_in_a_file() -> None:
         ("circle..x=3", "--set: got 'circle..x=3', expected KEY=VALUE"),
         ("circle.radius=[1", "--set circle.radius: got '[1', expected a TOML value"),
         ("duration.x.y=1", "--set duration.x.y: got duration = 60.0, expected a table there"),
-        ("circle.radius=1.9", "circle.radius: got 1.9 m round (0, 0), expected at most"),
+        ("circle.radius=1.9", "circle.radius: got 1.9 m around (0, 0), expected at most"),
     ],
 )
 def test_a_wrong_setting(given: str, said: str) -> None:

@@ -13,7 +13,7 @@ import pytest_asyncio
 
 from muro_zenoh import channels, geometry
 from muro_zenoh.config import find_scenario
-from muro_zenoh.messages import Calibration, Circle, FleetSnapshot, Health, RobotState, Truth
+from muro_zenoh.messages import Calibration, Circle, FleetSnapshot, Health, RobotState, Truth, VelocityCommand
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.view import view_of
@@ -211,12 +211,36 @@ async def test_robots_are_seen_when_they_were_in_any_snapshot(lab: Lab) -> None:
     assert set(lab.observed().seen) == {"r1", "r9"}
 
 
+async def test_the_largest_command_of_all_is_kept() -> None:
+    """Of every robot, over its own limits, forwards and backwards; r1 may do 0.5 m/s and 1.5 rad/s."""
+    scenario = find_scenario("pursuit", 2, {"checks.command_ratio": 1.0, "all.v_max": 0.5})
+    network, clock = MemoryNetwork(), ManualClock()
+    async with make_bus(network.link(), "muro", clock=clock) as bus, make_bus(network.link(), "muro") as other:
+        collector = Collector(bus, scenario)
+        running = asyncio.create_task(collector.run())
+        await asyncio.sleep(0)
+        ratios = []
+        for name, v, omega in (("r1", 0.2, 0.3), ("r2", -0.45, 0.0), ("r1", 0.0, -1.2), ("r2", 0.1, 0.0)):
+            other.publisher(channels.CMD_VEL, name).put(VelocityCommand(v=v, omega=omega))
+            for _ in range(8):
+                await asyncio.sleep(0)
+            seen = collector.observed(duration=1.0, seed=1, ended="duration", restarts=0, processes={})
+            ratios.append(seen.command_ratio)
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+    assert ratios == pytest.approx([0.4, 0.9, 0.9, 0.9])
+
+
 async def test_the_operator_s_view(lab: Lab) -> None:
     lab.collector.begin()
     await lab.truth("r1", 0.8, 0.0)
     await lab.truth("r2", 0.0, 0.9)
     await lab.health(
-        "r1", numbers={"command_rate_hz": 31.0}, samples={"pose_age_s": (0.05, 0.06, 0.2)}, reasons=("stop order",)
+        "r1",
+        numbers={"command_rate_hz": 31.0},
+        samples={"pose_age_s": (0.05, 0.06, 0.2)},
+        reasons=("stopped by order",),
     )
     lab.collector.take_sample()
     view = view_of(lab.collector, SCENARIO, 3)
@@ -224,7 +248,7 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     assert (one.name, one.state, one.reasons, one.pose_age, one.command_rate) == (
         "r1",
         "driving",
-        "stop order",
+        "stopped by order",
         0.06,
         31,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from muro_zenoh.channels import CHANNELS
+from muro_zenoh.channels import CHANNELS, VERBS
 from muro_zenoh.cli.main import main
 from muro_zenoh.control.circle import CIRCLE_LAWS
 from muro_zenoh.control.pursuit import PURSUIT_LAWS
@@ -93,7 +93,8 @@ def test_the_command_reports_a_wrong_name_in_one_line(tmp_path: Path) -> None:
 
 def test_the_flow_shows_every_channel() -> None:
     keys = {row.key.partition("/")[0] for row in flows()}
-    assert keys == {channel.word for channel in CHANNELS} | {"basestation", "goal"}
+    orders = {verb.word if verb.named else "basestation" for verb in VERBS}
+    assert keys == {channel.word for channel in CHANNELS} | orders
 
 
 @pytest.mark.parametrize("law", [*CIRCLE_LAWS, *PURSUIT_LAWS])

@@ -8,22 +8,25 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace as replace_fields
 
 from muro_zenoh.cli.summary import summary
 from muro_zenoh.config import Checks
+from muro_zenoh.config.checks import at_least, at_most
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
+from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
-from muro_zenoh.scoring.checks import CHECKS
+from muro_zenoh.scoring.checks import CHECKS, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
 from muro_zenoh.scoring.deployment import Deployment
 from muro_zenoh.scoring.expectations import Asked
@@ -214,7 +217,7 @@ def test_a_good_run_s_sheet() -> None:
         {"cal0": 1.05, "calD": 0.9, "true_cal0": 1.0204, "true_calD": 0.9091, "error": 0.029, "error_after_10s": 0.04}
     )
     assert sheet["calibration"]["r2"]["error"] is None
-    assert (sheet["goals_asked"], sheet["goals_reached"]) == (3, 3)
+    assert (sheet["goals_asked"], sheet["goals_reached"], sheet["goals_missed"]) == (3, 3, 0)
     assert (sheet["goal_distance_m"], sheet["goal_heading_rad"]) == (0.02, 0.1)
     assert sheet["goals"]["r2"] == [
         {"x": 1.48, "y": 0.51, "theta": 0.0, "reached_s": 20.0, "distance_m": 0.02, "heading_rad": 0.1}
@@ -240,41 +243,77 @@ def test_the_window_is_the_last_seconds() -> None:
     assert sheet["passed"] is None  # nothing was checked
 
 
+def bunched(radius: float = 0.8) -> list[Sample]:
+    return [Sample(k / 10, ring(0.0, 1.0, 2.0, radius=radius), CIRCLE) for k in range(601)]
+
+
+HIGHER, WIDER = (Deployment(Bounds(0.0, 3.0 + w, 0.0, 1.0 + h), None, 0.5) for w, h in ((0.0, 0.1), (0.6, 0.0)))
+BESIDE = [Planned(0.0, PlannedPath(Pose2(0, 0.46, 0), (Segment(5, 0),)))]
+UNEVEN = Importance.from_function(lambda angle: 1.2 + math.sin(angle))
+
+
 @pytest.mark.parametrize(
-    ("check", "changes"),
+    ("check", "value", "changes"),
     [
-        ("settle_time", {"samples": [Sample(k / 10, ring(0.0, 1.0, 2.0), CIRCLE) for k in range(601)]}),
-        ("spacing_error_p95", {"samples": [Sample(k / 10, ring(0.0, 1.0, 2.0), CIRCLE) for k in range(601)]}),
-        (
-            "radius_error_p95",
-            {"samples": [Sample(k / 10, ring(0.0, 2.1, 4.2, radius=0.84), CIRCLE) for k in range(601)]},
-        ),
-        ("fix_rate", {"fix_rate": {"r1": 20.0, "r2": 18.9, "r3": 20.0}}),
-        ("fix_rate", {"fix_rate": {"r1": 20.0, "r2": 20.0}}),
-        ("pose_age_p99", {"pose_age": [0.2] * 10}),
-        ("pose_age_p99", {"pose_age": []}),
-        ("collisions", {"collisions": 1}),
-        ("collisions", {"collisions": None}),
-        ("radius_error_p95", {"samples": []}),
-        ("goals_missed", {"asked": {"goals": {"r1": ((2.0, 0.5),)}}}),
-        ("goals_missed", {"asked": {"goals": {}}}),
-        ("goal_distance", {"asked": {"goals": {"r1": ((0.44, 0.51),)}}}),
-        ("goal_heading", {"asked": {"goals": {"r1": ((0.5, 0.51, -0.1),)}}}),
-        ("tracking_error_p95", {"paths": {"r1": [Planned(0.0, PlannedPath(Pose2(0, 0.46, 0), (Segment(5, 0),)))]}}),
-        ("peak_speed_ratio", {"asked": {"v_min": 0.11}}),
-        ("peak_speed_ratio", {"paths": {**PATHS, "r3": ()}}),
-        ("command_ratio", {"command_ratio": 1.01}),
-        ("command_ratio", {"command_ratio": None}),
-        ("coverage_distance", {"asked": {"deployment": Deployment(Bounds(0.0, 3.0, 0.0, 1.1), None, 0.5)}}),
-        ("coverage_gain", {"asked": {"deployment": Deployment(Bounds(0.0, 3.6, 0.0, 1.0), None, 0.5)}}),
-        ("coverage_distance", {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
-        ("density_error", {"asked": {"importance": Importance.from_function(lambda angle: 1.2 + math.sin(angle))}}),
+        ("settle_time", None, {"samples": bunched()}),
+        ("spacing_error_p95", 2 * math.pi - 2.0 - 2 * math.pi / 3, {"samples": bunched()}),
+        ("radius_error_p95", 0.04, {"samples": bunched(0.84)}),
+        ("fix_rate", 18.9, {"fix_rate": {"r1": 20.0, "r2": 18.9, "r3": 20.0}}),
+        ("fix_rate", None, {"fix_rate": {"r1": 20.0, "r2": 20.0}}),
+        ("pose_age_p99", 0.2, {"pose_age": [0.2] * 10}),
+        ("pose_age_p99", None, {"pose_age": []}),
+        ("collisions", 1, {"collisions": 1}),
+        ("collisions", None, {"collisions": None}),
+        ("radius_error_p95", None, {"samples": []}),
+        ("goals_missed", 1, {"asked": {"goals": {"r1": ((2.0, 0.5),)}}}),
+        ("goals_missed", None, {"asked": {"goals": {}}}),
+        ("goal_distance", 0.06, {"asked": {"goals": {"r1": ((0.44, 0.51),)}}}),
+        ("goal_heading", 0.2, {"asked": {"goals": {"r1": ((0.5, 0.51, -0.1),)}}}),
+        ("tracking_error_p95", 0.04, {"paths": {"r1": BESIDE}}),
+        ("peak_speed_ratio", 0.2 / 0.11, {"asked": {"v_min": 0.11}}),
+        ("peak_speed_ratio", None, {"paths": {**PATHS, "r3": ()}}),
+        ("command_ratio", 1.01, {"command_ratio": 1.01}),
+        ("command_ratio", None, {"command_ratio": None}),
+        ("coverage_distance", 0.04, {"asked": {"deployment": HIGHER}}),
+        # A third robot whose cell is 1.6 m wide, against three of 1.2 m.
+        ("coverage_gain", 1 - 0.732 / 0.95236, {"asked": {"deployment": WIDER}}),
+        ("coverage_rise", None, {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
+        ("coverage_distance", None, {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
+        # About 1 / (1.2 pi), as of robots that are everywhere alike; they have not quite been.
+        ("density_error", pytest.approx(0.265, abs=0.03), {"asked": {"importance": UNEVEN}}),
     ],
 )
-def test_a_check_that_is_not_met_fails_the_run(check: str, changes: dict[str, Any]) -> None:
-    sheet = report(observed(**changes), ALL_CHECKS)
-    assert sheet["checks"][check]["passed"] is False
+def test_a_check_that_is_not_met_fails_the_run(check: str, value: Any, changes: dict[str, Any]) -> None:
+    alone = Checks(**{check: getattr(ALL_CHECKS, check)})
+    assert report(observed(), alone)["passed"] is True
+    sheet = report(observed(**changes), alone)
+    found = sheet["checks"].pop(check)
+    assert sheet["checks"] == {}
+    assert found["value"] == (pytest.approx(value, abs=1e-3) if isinstance(value, float) else value)
+    assert found["passed"] is False
     assert sheet["passed"] is False
+
+
+@pytest.mark.parametrize(("check", "unmet"), [("settle_time", 19.9), ("fix_rate", 19.6), ("density_error", 1e-6)])
+def test_of_several_checks_one_that_is_not_met_is_enough(check: str, unmet: float) -> None:
+    sheet = report(observed(), replace_fields(ALL_CHECKS, **{check: unmet}))
+    assert [name for name, found in sheet["checks"].items() if not found["passed"]] == [check]
+    assert sheet["passed"] is False
+
+
+def test_the_worst_robot_is_judged_and_not_the_best() -> None:
+    """r2 stops 0.04 m and 0.15 rad off its goal; r3 reaches 0.19 m/s where the others reach 0.2 m/s."""
+    worse = {**RESTING, "r2": Body(1.52, 0.51, 0.15, 0.0, 0.0)}
+    slower = {**DRIVING, "r3": DRIVING["r3"]._replace(v=0.19)}
+    samples = [
+        sample._replace(bodies={id(DRIVING): slower, id(RESTING): worse}[id(sample.bodies)])
+        for sample in observed().samples
+    ]
+    sheet = report(observed(samples=samples), ALL_CHECKS)
+    assert sheet["goal_distance_m"] == pytest.approx(0.04)
+    assert sheet["goal_heading_rad"] == pytest.approx(0.15)
+    assert sheet["peak_speed_ratio"] == pytest.approx(0.19 / 0.08)
+    assert sheet["coverage"]["distance_m"] > 0.01
 
 
 def test_one_robot_off_the_circle_is_not_hidden_by_many_on_it() -> None:
@@ -287,12 +326,15 @@ def test_one_robot_off_the_circle_is_not_hidden_by_many_on_it() -> None:
     assert sheet["settle_time_s"] is None
 
 
-def test_a_robot_whose_truth_is_not_known_is_not_settled() -> None:
+@pytest.mark.parametrize("spreads", [True, False])
+def test_a_robot_whose_truth_is_not_known_is_not_settled(spreads: bool) -> None:
+    """Though those that are known are on the circle, and evenly spread."""
     even = ring(0.0, 2 * math.pi / 3, 4 * math.pi / 3)
-    without = {name: place for name, place in even.items() if name != "r2"}
+    without = {"r1": at(0.0), "r3": at(math.pi)}
     samples = [Sample(k / 10, without if k < 300 else even, CIRCLE) for k in range(601)]
-    sheet = report(observed(samples=samples), ALL_CHECKS)
+    sheet = report(observed({"spreads": spreads}, samples=samples), ALL_CHECKS)
     assert sheet["settle_time_s"] == 30.0
+    assert sheet["spacing_error_rad"]["max"] == (pytest.approx(0.0, abs=1e-9) if spreads else None)
     assert sheet["truth_known"] == pytest.approx((2 * 300 + 3 * 301) / (3 * 601), abs=1e-4)
 
 
@@ -448,16 +490,31 @@ def test_numbers_are_rounded_as_their_rows_say() -> None:
 
 
 def test_there_is_a_check_for_every_limit() -> None:
-    assert [check.name for check in CHECKS] == [name for name in Checks.__struct_fields__ if name != "window"]
+    assert [judged.name for judged in CHECKS] == [name for name in Checks.__struct_fields__ if name != "window"]
 
 
-def test_a_check_has_the_unit_of_what_it_looks_at() -> None:
-    units = {row.key: row.unit for row in definitions(ScoreSheet)}
-    for check in CHECKS:
-        keys = re.findall("`([^`]+)`", check.looks_at)
-        assert keys
-        for key in keys:
-            assert check.unit == ("s" if "in seconds" in check.looks_at else units[key])
+def test_a_check_in_the_report_is_in_the_unit_of_its_limit() -> None:
+    sheet = report(observed(), ALL_CHECKS)
+    assert sheet["pose_age_ms"]["p99"] == pytest.approx(99.0)
+    assert sheet["checks"]["pose_age_p99"]["value"] == pytest.approx(0.099)
+    assert sheet["checks"]["fix_rate"]["value"] == 19.5, "the worst robot's"
+
+
+class NoSuchKey(Checks, frozen=True, kw_only=True):
+    jerk: Annotated[Length | None, at_most("jerk_m_s3")] = None
+
+
+class WrongUnit(Checks, frozen=True, kw_only=True):
+    separation: Annotated[Period | None, at_least("min_separation_m")] = None
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [(NoSuchKey, "check jerk: got 'jerk_m_s3', expected a key of"), (WrongUnit, "separation: got a limit in 's'")],
+)
+def test_a_check_that_looks_at_nothing_is_refused_where_it_is_declared(kind: type[Checks], said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        judged_checks(kind)
 
 
 # ---- the page

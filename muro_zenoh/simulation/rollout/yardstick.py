@@ -70,11 +70,16 @@ def _enters(path: Path, circle: Circle, band: float) -> float:
     return path.length * float(outside[-1]) / (len(poses) - 1) if len(outside) else 0.0
 
 
-def equal_spacing_bound(angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float) -> Array:
-    """The least time in which robots on a circle can space themselves evenly.
+def equal_spacing_bound(
+    angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float, tolerance: float = 0.0
+) -> Array:
+    """The least time in which robots on a circle can space themselves evenly, in the order that they are in.
 
-    Every robot has an angle to travel to its place in an evenly spaced ring that may begin anywhere. The bound is the
-    least T for which all of them lie in [v_min T / r, v_max T / r]: the spread of the angles over (v_max - v_min) / r.
+    With ``o_k`` the angle of robot k less its place in an even ring, robot k ends at an offset from ``o_k + v_min T/r``
+    to ``o_k + v_max T/r``, and neighbours' offsets, round the ring, may differ by the tolerance: so any two robots' by
+    it times the steps between them. That can be met when it can be met for every two of them::
+
+        T = r / (v_max - v_min) * max over i, k of (o_i - o_k - tolerance * steps from i to k)
 
     Args:
         angles: where the robots are (..., N) [rad].
@@ -82,12 +87,16 @@ def equal_spacing_bound(angles: Array, clockwise: bool, radius: float, v_min: fl
         radius: of the circle [m].
         v_min: least speed on the circle [m/s].
         v_max: greatest speed [m/s].
+        tolerance: how far each gap may be from 2 pi / N [rad].
 
     Returns:
         T (...) [s].
     """
     n = angles.shape[-1]
     way = np.sort(np.mod(-angles if clockwise else angles, TWO_PI), axis=-1)
-    lead = np.arange(n) * (TWO_PI / n) - way
-    spread: Array = lead.max(axis=-1) - lead.min(axis=-1)
+    offset = way - np.arange(n) * (TWO_PI / n)
+    steps = abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    allowed = tolerance * np.minimum(steps, n - steps)
+    apart = offset[..., :, None] - offset[..., None, :] - allowed
+    spread: Array = apart.max(axis=(-2, -1))
     return spread * radius / (v_max - v_min)
