@@ -145,7 +145,7 @@ _ends_at = math.inf
 
 
 def _end_within(grace: float) -> None:
-    """End this process by force after a while, with exit code 1 and a traceback of every thread; the earliest end holds.
+    """End this process by force, with exit code 1 and a traceback of every thread. Of two ends the earlier one holds.
 
     Args:
         grace: how long it may take to end by itself [s].

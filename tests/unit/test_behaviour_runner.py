@@ -262,10 +262,7 @@ def test_a_behaviour_that_failed_starts_again_when_it_is_ordered_again_and_only_
 
 
 def test_a_behaviour_that_runs_goes_on_when_it_is_ordered_again(users_own: Callable[[str, str], None]) -> None:
-    users_own(
-        "lab_running",
-        "STARTS = []\nasync def go(robot):\n    STARTS.append(1)\n    async for _ in robot.estimates():\n        robot.drive(0.1, 0.0)\n",
-    )
+    users_own("lab_running", RUNNING)
 
     async def main() -> None:
         async with memory_fleet(scenario(1, "lab_running:go")) as fleet:
