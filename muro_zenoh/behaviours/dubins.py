@@ -11,6 +11,7 @@ from muro_zenoh.control.path_tracking import TrackingGains
 from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import ParameterError, PlanningError
+from muro_zenoh.geometry import Circle
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
 from muro_zenoh.quantities import Duration, Length, check_quantities
@@ -218,11 +219,25 @@ def make(parameters: Parameters, vehicle: Vehicle) -> GoalRide:
     return GoalRide(parameters.ride.settings(vehicle), parameters.targets.itinerary())
 
 
+def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse goals outside the arena.
+
+    Args:
+        parameters: the parameters, with the goals.
+        circle: not used.
+        fleet: the robots.
+
+    Raises:
+        ParameterError: a goal is outside the arena, or too near its border.
+    """
+    parameters.targets.require_inside(fleet)
+
+
 BEHAVIOUR = BehaviourKind(
     Parameters,
     make,
     "drive to each goal along a Dubins curve",
     needs=frozenset({Need.GOALS}),
     expects=lambda parameters: Expectation(goals=True, v_min=parameters.ride.profile.v_min),
-    fits=lambda parameters, circle, fleet: parameters.targets.require_inside(fleet),
+    fits=fits,
 )

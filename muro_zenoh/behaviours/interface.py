@@ -61,8 +61,8 @@ class RobotSeen(Protocol):
 
 
 class Neighbour(NamedTuple):
-    """Another robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
-    ``omega`` [rad/s]; ``age`` of the fix behind it [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
+    """A robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
+    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
     ``lost``."""
 
     name: str
