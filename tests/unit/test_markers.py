@@ -82,8 +82,14 @@ class TestPhotographs:
 
 
 class Hard(NamedTuple):
-    """How a picture is made hard: the lens's tilt [rad] and blur [px], lamps that are mirrored in the floor, and a strip
-    that hides a part of every other tag."""
+    """How a picture is made hard.
+
+    Attributes:
+        tilt: of the lens [rad].
+        blur: of the lens [px].
+        lamps: how many are mirrored in the floor.
+        cut: whether a strip hides a part of every other tag.
+    """
 
     tilt: float = 0.0
     blur: float = 1.0
@@ -92,7 +98,7 @@ class Hard(NamedTuple):
 
 
 class TestHardPictures:
-    """What the photographs have, from a seed: 12 robots under a wide lens, noise, JPEG; judged as the photographs are."""
+    """What the photographs have, from a seed: a dozen robots under a wide lens, noise, JPEG; judged as those are."""
 
     ROBOTS = 12
 
