@@ -9,8 +9,8 @@ else of ours is alive, and what the machine does besides hits all alike::
 
 Rows: milliseconds from the tick to the last robot's command (p50, p99), ticks at which a robot's command was late (not
 there before the next tick), processor time of the router and the robots' processes together in percent of one core,
-their resident memory and threads. Bare processes receive all of it and answer the poses with their own bytes; agents run
-``pursuit``. The ratios compare with bare Zenoh; the rest is the machine's.
+their resident memory and threads. Bare processes receive all of it and answer the poses with their own bytes; agents
+run ``pursuit``. The ratios compare with bare Zenoh; the rest is the machine's.
 
 Then the time from spawning a process to its first command and to the first that drives, bare and agent in turns, and
 until all processes of ``make demo`` are ready.
@@ -206,7 +206,7 @@ def main(robots: str, seconds: float, starts: int, file: Path | None) -> None:
         for up in ups:
             out.add_row(up.what, f"{up.median_s:.3f}", f"{up.worst_s:.3f}")
         console.print(out)
-    write(file, [asdict(row) for row in (*rows, *ups)])
+    write(file, [*map(asdict, rows), *map(asdict, ups)])
 
 
 if __name__ == "__main__":

@@ -54,6 +54,7 @@ async def report_health(
                     **bus.numbers(),
                 },
                 samples=samples,
+                failure=runner.failure,
                 stop_latched=loop.latch.stopped,
                 stop_all=loop.latch.everybody,
                 stop_revision=max(loop.latch.revision, 0),
@@ -66,6 +67,8 @@ async def report_health(
 
 
 def _state(loop: ControlLoop, runner: BehaviourRunner) -> str:
+    if runner.outcome:
+        return runner.outcome
     if loop.latch.stopped:
         return "stopped"
     if loop.reasons:

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace as replace_fields
 
+from muro_zenoh.cli.summary import summary
 from muro_zenoh.config import Checks
 from muro_zenoh.config.checks import at_least, at_most
 from muro_zenoh.control.importance import Importance
@@ -34,6 +35,7 @@ from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import ProcessUse, ScoreSheet
 from muro_zenoh.scoring.spread import percentile
+from muro_zenoh.supervision.run import RunResult
 
 PAGE = Path(__file__).parents[2] / "docs" / "scoresheet.md"
 CIRCLE = Circle(1.0, -0.5, 0.8)
@@ -188,6 +190,7 @@ def observed(asked: dict[str, Any] | None = None, **changes: Any) -> Observed:
         "processes": {"r1": ProcessUse(3.1, 40.0)},
         "paths": PATHS,
         "command_ratio": 0.7,
+        "seen": {"r1", "r2", "r3"},
         "asked": ASKED._replace(**(asked or {})),
     }
     return Observed(**{**seen, **changes})
@@ -237,7 +240,7 @@ def test_the_window_is_the_last_seconds() -> None:
     assert sheet["radius_error_m"] == pytest.approx({"p50": 0.01, "p95": 0.2, "max": 0.2})
     assert sheet["spacing_error_rad"]["max"] == pytest.approx(4 * math.pi / 3 - 1.0, abs=1e-5)
     assert sheet["checks"] == {}
-    assert sheet["passed"] is True
+    assert sheet["passed"] is None  # nothing was checked
 
 
 def bunched(radius: float = 0.8) -> list[Sample]:
@@ -347,7 +350,7 @@ def test_robots_off_the_circle_on_purpose_have_no_radius_error() -> None:
     sheet = report(observed({"follows_circle": False, "spreads": False}), Checks())
     assert sheet["settle_time_s"] is None
     assert sheet["radius_error_m"] == {"p50": None, "p95": None, "max": None}
-    assert sheet["passed"] is True
+    assert sheet["passed"] is None
 
 
 def test_a_circle_that_is_changed_counts_from_then_on() -> None:
@@ -367,6 +370,81 @@ def test_a_run_that_ended_early_has_not_passed(ended: str) -> None:
     assert sheet["passed"] is False
 
 
+@pytest.mark.parametrize("checks", [ALL_CHECKS, Checks()])
+def test_a_run_in_which_a_behaviour_failed_has_not_passed(checks: Checks) -> None:
+    sheet = report(observed(failures={"r2": "behaviour lab:swim: out of water"}), checks)
+    assert sheet["failures"] == {"r2": "behaviour lab:swim: out of water"}
+    assert all(check["passed"] for check in sheet["checks"].values())
+    assert sheet["passed"] is False
+
+
+@pytest.mark.parametrize(("passed", "code"), [(True, 0), (None, 0), (False, 1)])
+def test_the_exit_code_of_a_run_says_whether_it_passed(passed: bool | None, code: int) -> None:
+    sheet = replace(score_run(observed(), ALL_CHECKS), passed=passed)
+    assert RunResult(sheet, interrupted=False).exit_code == code
+    assert RunResult(sheet, interrupted=True).exit_code == 130
+    assert RunResult(None, interrupted=False).exit_code == 1
+
+
+def test_the_time_under_a_stop_order_is_added_up() -> None:
+    quiet = observed()
+    stopped = [
+        sample._replace(
+            stopped=frozenset(
+                name
+                for name, spans in {"r1": ((10, 12.5),), "r2": ((0, 1), (59, 99))}.items()
+                if any(begin <= sample.t < end for begin, end in spans)
+            )
+        )
+        for sample in quiet.samples
+    ]
+    assert report(quiet, ALL_CHECKS)["stopped_s"] == {"r1": 0.0, "r2": 0.0, "r3": 0.0}
+    sheet = report(replace(quiet, samples=stopped), ALL_CHECKS)
+    assert sheet["stopped_s"] == {"r1": 2.5, "r2": 2.0, "r3": 0.0}
+    assert sheet["passed"] is True  # said, not judged
+
+
+def test_robots_that_no_camera_saw_are_named() -> None:
+    assert report(observed(), ALL_CHECKS)["never_seen"] == []
+    assert report(observed(seen={"r2", "r9"}), ALL_CHECKS)["never_seen"] == ["r1", "r3"]
+
+
+# ---- the summary
+
+
+def test_the_summary_of_a_quiet_run_says_nothing_of_stops_and_failures() -> None:
+    text = summary(score_run(observed(), ALL_CHECKS))
+    assert text.splitlines()[-1] == "passed"
+    assert not re.search("stop|seen|behaviour|NOT", text)
+
+
+@pytest.mark.parametrize(
+    ("changes", "checks", "line"),
+    [
+        ({}, Checks(), "nothing was checked: the scenario sets no [checks]"),
+        ({"ended": "failed"}, ALL_CHECKS, "NOT PASSED (failed)"),
+        ({"ended": "interrupted"}, Checks(), "NOT PASSED (interrupted; nothing was checked)"),
+        ({"collisions": 2, "command_ratio": 1.1}, ALL_CHECKS, "NOT PASSED (collisions, command_ratio not met)"),
+        (
+            {"failures": {"r2": "behaviour lab:swim: out of water"}},
+            ALL_CHECKS,
+            "NOT PASSED (the behaviour of r2 failed or ended early)",
+        ),
+    ],
+)
+def test_the_summary_ends_with_the_verdict_and_why(changes: dict[str, Any], checks: Checks, line: str) -> None:
+    assert summary(score_run(observed(**changes), checks)).splitlines()[-1] == line
+
+
+def test_the_summary_says_what_kept_robots_from_driving() -> None:
+    samples = [sample._replace(stopped=frozenset({"r1"} if sample.t < 12.35 else ())) for sample in observed().samples]
+    seen = observed(samples=samples, seen={"r1"}, failures={"r2": "behaviour lab:swim: out of water"})
+    lines = [" ".join(line.split()) for line in summary(score_run(seen, ALL_CHECKS)).splitlines()]
+    assert "stop order r1 for 12.4 s" in lines
+    assert "never seen r2 r3: no camera saw them" in lines
+    assert "r2: behaviour lab:swim: out of water" in lines
+
+
 # ---- rows
 
 
@@ -376,20 +454,29 @@ def test_every_key_of_a_report_has_a_definition_and_every_definition_a_key() -> 
     keys = [row.key for row in defined]
     assert len(keys) == len(set(keys))
     names = "<robot>|<process>|<check>"
-    found = set(keys_of(report(observed(), ALL_CHECKS)))
+    found = set(keys_of(report(observed(failures={"r1": "behaviour lab:swim: out of water"}, seen=()), ALL_CHECKS)))
     assert {re.sub(names, "*", key) for key in keys} == found
 
 
 def keys_of(table: dict[str, Any], path: str = "") -> Iterator[str]:
     """The keys of a report, with ``*`` for the names of robots, processes and checks."""
-    named = ("radius_error_by_robot_m", "fix_rate_hz", "goals", "calibration", "processes", "checks")
+    named = (
+        "radius_error_by_robot_m",
+        "fix_rate_hz",
+        "goals",
+        "calibration",
+        "stopped_s",
+        "failures",
+        "processes",
+        "checks",
+    )
     for key, value in table.items():
         here = f"{path}.{'*' if path in named else key}" if path else key
         if isinstance(value, dict):
             yield from keys_of(value, here)
         elif isinstance(value, list):
             for entry in value:
-                yield from keys_of(entry, f"{here}[]")
+                yield from keys_of(entry, f"{here}[]") if isinstance(entry, dict) else (f"{here}[]",)
         else:
             yield here
 
