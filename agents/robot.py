@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from muro_zenoh import config
 from muro_zenoh.behaviours.circle import CircleFollowing
-from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Vehicle, hold
+from muro_zenoh.behaviours.interface import Behaviour, Intent, Neighbour, Seen, Vehicle, hold
 from muro_zenoh.control.circle import CircleLaw
 from muro_zenoh.errors import BehaviourError, PlanningError
 from muro_zenoh.geometry import Bounds, Circle, State, Twist2
@@ -27,21 +27,6 @@ from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Latest
 
 P = TypeVar("P")
-
-
-class Neighbour(NamedTuple):
-    """Another robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
-    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
-    ``lost``."""
-
-    name: str
-    x: float
-    y: float
-    theta: float
-    v: float
-    omega: float
-    age: float
-    state: str
 
 
 class Connection(NamedTuple):

@@ -100,6 +100,7 @@ def test_a_stop_is_zero_and_is_reported_at_once(pause: float, by_name: bool) -> 
 
 def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
     """The real command against the real agents; who is stopped stays so when another one is stopped besides."""
+
     async def main() -> None:
         async with driving(3) as fleet:
             operator = await fleet.bus(Role.OPERATOR)

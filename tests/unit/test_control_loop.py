@@ -63,7 +63,7 @@ def test_what_a_behaviour_wanted_is_driven_for_0_25_s(silent: float, drives: boo
     assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.2, 0.0), abs=0.01)]
     (command,) = commands(loop.update(T0 + silent, [(T0 + silent, fix())], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
-    assert loop.reasons == (() if drives else ("the behaviour is silent",))
+    assert loop.reasons == (() if drives else ("no command from the behaviour",))
 
 
 @pytest.mark.parametrize(("later", "repeated"), [(0.05, False), (0.099, False), (0.101, True), (0.29, True)])
@@ -95,7 +95,7 @@ def test_a_stop_is_answered_with_zero_and_not_with_the_next_command(order: StopO
     loop.changed = False
     assert commands(loop.take_stop(T0 + 0.051, order)) == [(0.0, 0.0)]
     assert loop.changed  # so that it is reported now
-    assert loop.reasons[0].startswith("stop order")
+    assert loop.reasons[0].startswith("stopped by order")
 
 
 def test_a_stop_of_another_robot_commands_nothing() -> None:
