@@ -1,4 +1,4 @@
-"""The topology: who says what, on which key, how often. ``docs/channels.md`` is made from it.
+"""The topology: which role writes and reads what, on which key, how often. ``docs/channels.md`` is made from it.
 
 ``table`` has the rows, ``kinds`` what a row is, ``keys`` the names and keys, ``page`` the documentation.
 """

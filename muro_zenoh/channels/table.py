@@ -1,4 +1,4 @@
-"""The table: one row per channel, one per order. A test compares it with what a fleet really writes and reads."""
+"""The table: one row per channel, one per order. A test compares it with what a fleet actually writes and reads."""
 
 from __future__ import annotations
 

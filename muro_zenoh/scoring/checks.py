@@ -1,4 +1,4 @@
-"""The checks that a scenario can make: one table, read by the score and by ``docs/scoresheet.md``.
+"""The checks that a scenario can make: one table, used by the score and by ``docs/scoresheet.md``.
 
 Their limits are set in a scenario's ``[checks]``, under the same names; see :class:`~muro_zenoh.config.Checks`.
 """
@@ -15,7 +15,7 @@ from muro_zenoh.scoring.sheet import CheckResult, ScoreSheet
 
 
 class Bound(StrEnum):
-    """Which side of its limit a value must be on; the limit itself is allowed."""
+    """On which side of its limit a value must be; the limit itself is allowed."""
 
     AT_MOST = "at most"
     AT_LEAST = "at least"
@@ -26,11 +26,11 @@ class Check:
     """One check.
 
     Args:
-        name: of its limit in ``[checks]``.
-        looks_at: the keys of the score sheet that it looks at, in words.
-        unit: of value and limit.
-        value: what is compared with the limit; None while it is not known.
-        bound: which side of the limit the value must be on.
+        name: the name of its limit in ``[checks]``.
+        looks_at: the keys of the score sheet that it uses, as text.
+        unit: the unit of value and limit.
+        value: the value to compare with the limit; None when it is unknown.
+        bound: on which side of the limit the value must be.
     """
 
     name: str
@@ -40,11 +40,11 @@ class Check:
     bound: Bound = Bound.AT_MOST
 
     def result(self, sheet: ScoreSheet, limit: float) -> CheckResult:
-        """How the check comes out.
+        """The result of the check.
 
         Args:
             sheet: the score sheet.
-            limit: what the scenario asks for.
+            limit: the scenario's limit.
         """
         value = self.value(sheet)
         if value is None:
@@ -57,7 +57,7 @@ def check_run(sheet: ScoreSheet, limits: Checks) -> dict[str, CheckResult]:
 
     Args:
         sheet: the score sheet.
-        limits: what the scenario asks for.
+        limits: the scenario's limits.
     """
     return {
         check.name: check.result(sheet, limit) for check in CHECKS if (limit := getattr(limits, check.name)) is not None
@@ -65,7 +65,7 @@ def check_run(sheet: ScoreSheet, limits: Checks) -> dict[str, CheckResult]:
 
 
 def _worst(which: Callable[[list[float]], float], values: Iterable[float | None]) -> float | None:
-    """The worst robot's value; not known while one robot's is not."""
+    """The worst robot's value; None when the value of any robot is unknown."""
     robots = list(values)
     known = [value for value in robots if value is not None]
     return which(known) if robots and len(known) == len(robots) else None
@@ -96,7 +96,7 @@ CHECKS: Final = (
     Check("collisions", "`collisions`", "", lambda sheet: sheet.collisions),
     Check(
         "goals_missed",
-        "`goals_asked` minus `goals_reached`; not known when no goal was asked for",
+        "`goals_asked` minus `goals_reached`; unknown when the scenario has no goals",
         "",
         lambda sheet: sheet.goals_asked - sheet.goals_reached if sheet.goals_asked else None,
     ),

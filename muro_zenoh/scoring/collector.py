@@ -1,4 +1,4 @@
-"""What is seen of a run while it goes on: from the bus, for the live table and the score sheet."""
+"""Collects data of a run from the bus, for the live table and the score sheet."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from muro_zenoh.scoring.sheet import ProcessUse
 from muro_zenoh.transport import Bus, Every
 
 TRUTH_TIMEOUT: Final = 0.5
-"""A truth older than this is not known any more [s]; the simulator sends 20 a second."""
+"""Maximum age of a truth message [s]; the simulator sends 20 a second."""
 
 _CIRCLING: Final = 10.0
-"""Calibrations are looked at after this time on the circle [s]."""
+"""Calibrations are evaluated after this time on the circle [s]."""
 
 
 class Collector:
-    """Listens from its start, and collects from :meth:`begin` on.
+    """Subscribes when it is created, and collects from :meth:`begin` on.
 
     Args:
         bus: the bus.
         scenario: the scenario whose robots are observed.
 
     Attributes:
-        asked: what the scenario asks of its robots.
+        expected: what the robots should achieve.
         health: the newest health of each process.
         latest: the newest sample.
     """
@@ -49,7 +49,7 @@ class Collector:
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
         self._paths = bus.every(channels.PATH, "*", depth=4096)
-        # Recorded only for the check that needs it: these are many messages.
+        # Recorded only when a check needs it, because these are many messages.
         self._commands = (
             bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
         )
@@ -72,11 +72,11 @@ class Collector:
 
     @property
     def samples(self) -> list[Sample]:
-        """The fleet at 10 Hz so far."""
+        """Samples of the fleet so far, at 10 Hz."""
         return self._samples
 
     def begin(self) -> None:
-        """Scenario time is 0 now."""
+        """Start scenario time at 0."""
         self._began = self._bus.clock.now()
         self._agents.begin(self._began, {name: health.epoch for name, health in self.health.items()})
 
@@ -92,7 +92,7 @@ class Collector:
     # ---- health
 
     async def collect_health(self) -> None:
-        """Take the health of every process as it comes, until cancelled."""
+        """Receive the health of every process until cancelled."""
         async for received in self._health:
             self.health[received.name] = received.message
             if received.message.role == "simulator":
@@ -101,7 +101,7 @@ class Collector:
                 self._agents.add(received.name, received.message)
 
     def fix_rate(self, robot: str) -> float | None:
-        """Accepted fixes per second of scenario time, as far as they were reported [Hz].
+        """Reported accepted fixes per second of scenario time [Hz].
 
         Args:
             robot: its name.
@@ -109,7 +109,7 @@ class Collector:
         return self._agents.fix_rate(robot)
 
     def calibrated(self, robot: str) -> Calibrated:
-        """The calibrations found, and what the simulator hides.
+        """The estimated calibrations, and the simulator's hidden drive scales.
 
         Args:
             robot: its name.
@@ -129,12 +129,12 @@ class Collector:
         clock = self._bus.clock
         start, k = clock.now(), 0
         while True:
-            k = max(k + 1, math.floor((clock.now() - start) / SAMPLE_PERIOD))  # after a pause, none are made up for
+            k = max(k + 1, math.floor((clock.now() - start) / SAMPLE_PERIOD))  # samples missed in a pause are skipped
             await asyncio.sleep(max(0.0, start + k * SAMPLE_PERIOD - clock.now()))
             self.take_sample()
 
     def take_sample(self) -> None:
-        """Look at the fleet once."""
+        """Take one sample of the fleet."""
         bodies = self._bodies(self._bus.clock.now())
         positions = {name: (body.x, body.y) for name, body in bodies.items()}
         self.latest = Sample(self.elapsed, positions, self.circle, bodies)
@@ -144,7 +144,7 @@ class Collector:
 
     @property
     def circle(self) -> Circle:
-        """The circle to follow: the last one received, else the scenario's."""
+        """The circle to follow: the newest one received, or the scenario's before the first."""
         received = self._circle.get()
         return received.message.circle if received is not None else self._scenario.circle
 
@@ -186,11 +186,11 @@ class Collector:
     def observed(
         self, *, duration: float, seed: int | None, ended: str, restarts: int, processes: Mapping[str, ProcessUse]
     ) -> Observed:
-        """All that was seen.
+        """All collected data.
 
         Args:
-            duration: scenario time that passed [s].
-            seed: of the simulator.
+            duration: elapsed scenario time [s].
+            seed: the simulator's seed.
             ended: ``duration``, ``interrupted`` or ``failed``.
             restarts: of processes.
             processes: their use of the machine.

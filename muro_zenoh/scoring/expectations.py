@@ -1,4 +1,4 @@
-"""What a scenario asks of its robots, for the score sheet: read from the table of behaviours."""
+"""What the robots of a scenario should achieve, for the score sheet; from the table of behaviours."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from muro_zenoh.scoring.deployment import Deployment
 
 
 class Asked(NamedTuple):
-    """What the robots shall do.
+    """What the robots should achieve.
 
     Attributes:
-        follows_circle: follow the circle ...
-        spreads: ... and spread evenly round it ...
-        importance: ... or stay longer where this is greater.
-        goals: go to these, one after the other, by robot.
-        v_min: along paths, on whose arcs they drive so fast [m/s].
-        deployment: cover the floor.
+        follows_circle: whether they follow the circle.
+        spreads: whether they spread evenly on it.
+        importance: where on the circle they should stay longer; None for no weighting.
+        goals: goals to visit in order, by robot.
+        v_min: speed on the arcs of planned paths [m/s]; None when they plan none.
+        deployment: the floor to cover; None when they cover none.
     """
 
     follows_circle: bool = False
@@ -33,13 +33,13 @@ class Asked(NamedTuple):
 
 
 def asked_of(scenario: Scenario) -> Asked:
-    """What a scenario asks of its robots; nothing, for a behaviour that is a user's own.
+    """The expectations of a scenario; none for a user's own behaviour.
 
     Args:
         scenario: the scenario.
 
     Raises:
-        ConfigError: the behaviour does not take these parameters, or they do not fit together.
+        ConfigError: the behaviour does not take these parameters, or they are inconsistent.
         BehaviourError: no such behaviour.
     """
     expected = _expected(scenario)

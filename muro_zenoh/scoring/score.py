@@ -1,4 +1,4 @@
-"""From what was seen of a run to its score sheet. Pure."""
+"""Computes the score sheet from the data observed in a run. Pure."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
     """The score sheet of a run.
 
     Args:
-        seen: what was seen of it.
-        checks: what it must meet, and over how long its errors are judged.
+        seen: the data observed in it.
+        checks: the limits that it must meet, and the window in which errors are evaluated.
     """
     asked = seen.asked
     window = [s for s in seen.samples if s.t > seen.duration - checks.window - 1e-6]
@@ -92,7 +92,7 @@ def _settle_time(seen: Observed) -> float | None:
 
 
 def _peak_speed_ratio(seen: Observed, tracked: list[Tracked]) -> float | None:
-    """The slowest robot's peak over the speed on arcs; not known while one robot's is not."""
+    """The slowest robot's peak speed over the speed on arcs; None when that of any robot is unknown."""
     peaks = [robot.peak for robot in tracked if robot.peak is not None]
     if seen.asked.v_min is None or not len(peaks) == len(tracked) == len(seen.robots):
         return None
