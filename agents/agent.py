@@ -6,7 +6,7 @@ import asyncio
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
-from agents.tasks.control import Listener, Sender, control
+from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tasks.health import report_health
 from agents.tasks.orders import answer_goals, obey_stops
 from muro_zenoh.channels import Role
@@ -42,14 +42,13 @@ class Agent:
     async def run(self) -> None:
         """Run every task; one that crashes takes the others, and the agent, down."""
         bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
-        wake = asyncio.Event()
-        latencies: list[float] = []
-        answer_goals(bus, name, loop, self._runner)
+        signals = Signals()
+        answer_goals(bus, name, loop, self._runner, signals)
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(control(bus, name, loop, self._listener, sender, wake, latencies), name="control")
-            tasks.create_task(obey_stops(bus, loop, sender, wake), name="stop")
+            tasks.create_task(control(bus, name, loop, self._listener, sender, signals), name="control")
+            tasks.create_task(obey_stops(bus, loop, sender, signals), name="stop")
             tasks.create_task(self._runner.run(), name="behaviour")
-            tasks.create_task(report_health(bus, name, loop, self._runner, wake, latencies), name="health")
+            tasks.create_task(report_health(bus, name, loop, self._runner, signals), name="health")
 
 
 async def run_agent(scenario: Scenario, name: str) -> None:

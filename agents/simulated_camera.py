@@ -7,8 +7,7 @@ the picture of them, and OpenCV releases the interpreter's lock for most of it.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from typing import Any
+from concurrent.futures import Executor
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.messages import Frame
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
 from muro_zenoh.transport import Publisher
-
-OffLoop = Callable[..., Awaitable[Any]]
-"""Calls a function with its arguments where it does not delay the loop, such as :func:`asyncio.to_thread`."""
 
 
 class SimulatedCamera:
@@ -32,7 +28,7 @@ class SimulatedCamera:
         scenario: the arena, the robots and what the simulation hides.
         floor: what it sees.
         seed: of its floor's looks and its noise.
-        off_loop: where the pictures are rendered.
+        executor: where its pictures are rendered: a thread, but for a camera in virtual time.
 
     Attributes:
         captured: frames captured so far.
@@ -46,14 +42,14 @@ class SimulatedCamera:
         scenario: Scenario,
         floor: Floor,
         seed: int,
-        off_loop: OffLoop,
+        executor: Executor,
     ) -> None:
         self.captured = 0
         self.skipped = 0
         self._frames = frames
         self._settings = settings
         self._floor = floor
-        self._off_loop = off_loop
+        self._executor = executor
         self._scenario = scenario
         self._mounts = [robot.mount for robot in scenario.robot.values()]
         self._radii = [robot.radius for robot in scenario.robot.values()]
@@ -64,7 +60,7 @@ class SimulatedCamera:
         """Capture at the camera's rate until cancelled. The schedule is kept: a frame that cannot be taken when it is
         due is skipped, and does not push the next ones back."""
         loop = asyncio.get_running_loop()
-        lens = await self._off_loop(self._make_lens)
+        lens = await loop.run_in_executor(self._executor, self._make_lens)
         period, latency = 1.0 / self._settings.rate, self._scenario.simulation.camera_latency
         begin, count = loop.time(), 0
         rendering: asyncio.Task[None] | None = None
@@ -85,8 +81,9 @@ class SimulatedCamera:
 
     async def _take(self, lens: OverheadCamera, poses: Array, stamp: float, due: float) -> None:
         """Render a picture of poses captured at ``stamp``, and have it sent at ``due`` of the loop's time."""
-        frame = await self._off_loop(self._render, lens, poses, stamp)
-        asyncio.get_running_loop().call_at(due, self._frames.put, frame)
+        loop = asyncio.get_running_loop()
+        frame = await loop.run_in_executor(self._executor, self._render, lens, poses, stamp)
+        loop.call_at(due, self._frames.put, frame)
 
     def _make_lens(self) -> OverheadCamera:
         settings, hidden = self._settings, self._scenario.simulation

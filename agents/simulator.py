@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import math
 import sys
+from concurrent.futures import Executor, ThreadPoolExecutor
 
 import numpy as np
 
 from agents.base.run import run_bases
 from agents.base.simulated import Floor, SimulatedWheels
-from agents.simulated_camera import OffLoop, SimulatedCamera
+from agents.simulated_camera import SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
@@ -32,13 +33,13 @@ class Room:
         bus: the bus.
         scenario: the settings.
         seed: draws starts, hidden drive errors and every noise.
-        off_loop: where the cameras render; a thread, but for a room in virtual time.
+        executor: where the cameras render: with a thread for each, none waits for another.
 
     Raises:
         PlanningError: the robots do not fit into the arena.
     """
 
-    def __init__(self, bus: Bus, scenario: Scenario, seed: int, off_loop: OffLoop = asyncio.to_thread) -> None:
+    def __init__(self, bus: Bus, scenario: Scenario, seed: int, executor: Executor) -> None:
         rng = np.random.default_rng(seed)
         robots = list(scenario.robot.values())
         hidden = scenario.simulation
@@ -49,7 +50,7 @@ class Room:
         self.floor = Floor(self.plant, bus.clock)
         self.cameras = {
             name: SimulatedCamera(
-                bus.publisher(channels.CAMERA, name), camera, scenario, self.floor, seed + index, off_loop
+                bus.publisher(channels.CAMERA, name), camera, scenario, self.floor, seed + index, executor
             )
             for index, (name, camera) in enumerate(scenario.camera.items())
         }
@@ -110,7 +111,8 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
     """
     sys.setswitchinterval(_SWITCH_INTERVAL)
     async with open_bus(scenario.bus, Role.SIMULATOR, Role.BASE, Role.CAMERA) as bus:
-        room = Room(bus, scenario, seed)
-        bus.announce(Role.SIMULATOR, "simulator")
-        ready("simulator")
-        await room.run()
+        with ThreadPoolExecutor(max(1, len(scenario.camera)), thread_name_prefix="camera") as threads:
+            room = Room(bus, scenario, seed, threads)
+            bus.announce(Role.SIMULATOR, "simulator")
+            ready("simulator")
+            await room.run()

@@ -347,7 +347,7 @@ def start_ups(times: int) -> list[StartUp]:
                 each.append(empty.driver.first_command(5.0) - began)
                 stop(children)
     for _ in range(times):
-        run = [sys.executable, "-P", "-m", "muro_zenoh.cli.main", "run", "pursuit", "--duration", "1", "--headless"]
+        run = [sys.executable, "-P", "-m", "muro_zenoh", "run", "pursuit", "--duration", "1", "--headless"]
         said = subprocess.run(run, stdout=subprocess.PIPE, text=True, check=False).stdout
         found = re.search(r"all processes ready after ([0-9.]+) s", said)
         demo.append(float(found.group(1)) if found else math.nan)

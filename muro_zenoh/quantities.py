@@ -89,6 +89,7 @@ SpeedOrRest = Annotated[float, Quantity("m/s", at_least=0.0)]
 TurningRate = Annotated[float, Quantity("rad/s", above=0.0)]
 Acceleration = Annotated[float, Quantity("m/s^2", above=0.0)]
 AngularAcceleration = Annotated[float, Quantity("rad/s^2", above=0.0)]
+Rate = Annotated[float, Quantity("Hz", above=0.0)]
 Duration = Annotated[float, Quantity("s", at_least=0.0)]
 Period = Annotated[float, Quantity("s", above=0.0)]
 

@@ -32,6 +32,7 @@ class Base:
         self._wheels = wheels
         self._reading = wheels.read()
         self._writer = 0
+        self._unsigned = False
         self._contested = -math.inf
         self._expires = -math.inf
         self._dead = True
@@ -49,6 +50,9 @@ class Base:
         if not age <= DEAD_MAN:  # written so that a NaN is refused too
             return  # a backlog is no command
         command = received.message
+        if not command.epoch:
+            self._refuse_unsigned()
+            return
         if command.epoch != self._writer:
             self._change_writer(command.epoch, now)
         self._expires = now - age + DEAD_MAN
@@ -59,6 +63,16 @@ class Base:
             self._dead = False
             log.info("%s: receiving commands", self._name)
         self._wheels.command(command.v, command.omega)
+
+    def _refuse_unsigned(self) -> None:
+        """Two processes that both omit their epoch could not be told apart, and would drive in turns."""
+        if not self._unsigned:
+            self._unsigned = True
+            log.warning(
+                "%s: got a command without `epoch`, expected a number drawn at its writer's start: not obeyed (logged "
+                "once)",
+                self._name,
+            )
 
     def _change_writer(self, epoch: int, now: float) -> None:
         """Two processes that command at once (an agent started twice, a stranger) would drive in turns, and a stop that

@@ -10,10 +10,8 @@ import asyncio
 from collections.abc import Mapping
 from contextlib import ExitStack
 
-import numpy as np
-
 from agents.base.base import Base
-from agents.base.simulated import Floor, SimulatedWheels
+from agents.base.table import check_base, find
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -21,7 +19,6 @@ from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
-from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.transport import Bus, open_bus
 
 _BEAT = 0.02
@@ -59,7 +56,7 @@ class _Bases:
         """Obey commands as they come, until ``due`` of the loop's time, however many come."""
         loop = asyncio.get_running_loop()
         try:
-            async with asyncio.timeout_at(due):
+            async with asyncio.timeout_at(due) as waiting:
                 while True:
                     received = await self._commands.next()
                     base = self._bases.get(received.name)
@@ -68,7 +65,8 @@ class _Bases:
                     if loop.time() >= due:
                         await asyncio.sleep(0)  # a flood of commands leaves no other moment for the timeout
         except TimeoutError:
-            return
+            if not waiting.expired():  # the wheels' own: a serial line that does not answer
+                raise
 
     def _beat(self, with_odometry: bool) -> None:
         now = self._clock.now()
@@ -107,22 +105,21 @@ async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
 async def run_base_process(scenario: Scenario, name: str) -> None:
     """The base process: the wheels that the fleet file names for this robot, and their dead-man.
 
-    The only wheels of this version are simulated: a nominal robot on a floor of its own, which no camera sees. They
-    serve to try a link and the dead-man; a whole room of them is what ``muro sim`` runs.
-
     Args:
         scenario: the settings.
         name: the robot's name.
 
     Raises:
         NotConnected: no router answered.
-        ConfigError: the settings have no such robot.
+        ConfigError: the settings have no such robot, or name wheels that there are not.
     """
     if name not in scenario.robot:
         raise ConfigError(f"base {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
+    check_base(scenario, name, scenario.name)
     robot = scenario.robot[name]
-    plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=robot.wheels, drive_error=0.0, slip=0.0)
+    make_wheels = find(robot.base)
     async with open_bus(scenario.bus, Role.BASE) as bus:
+        wheels = make_wheels(robot, bus.clock)
         bus.announce(Role.BASE, name)
         ready("base", name)
-        await run_base(bus, name, SimulatedWheels(Floor(plant, bus.clock), 0), bus.clock)
+        await run_base(bus, name, wheels, bus.clock)

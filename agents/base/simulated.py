@@ -1,10 +1,11 @@
-"""Wheels of the simulated plant."""
+"""Wheels of the simulated plant: a whole room of them in the simulator, or one pair on a floor of its own."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from agents.base.wheels import WheelReading
+from muro_zenoh.config import RobotSettings
 from muro_zenoh.elementwise import Array
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
@@ -95,3 +96,14 @@ class SimulatedWheels:
     def read(self) -> WheelReading:
         """What the encoders of nominal wheels report."""
         return self._floor.reading(self._row)
+
+
+def make_wheels(robot: RobotSettings, clock: Clock) -> SimulatedWheels:
+    """A nominal robot on a floor of its own, which no camera sees: to try a link and the dead-man.
+
+    Args:
+        robot: what its wheels can do.
+        clock: what the floor keeps up with.
+    """
+    plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=robot.wheels, drive_error=0.0, slip=0.0)
+    return SimulatedWheels(Floor(plant, clock), 0)

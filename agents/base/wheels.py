@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from muro_zenoh.config import RobotSettings
+from muro_zenoh.runtime.clock import Clock
+
 
 class WheelReading(NamedTuple):
     """What the wheels and the body report.
@@ -42,3 +45,12 @@ class Wheels(Protocol):
     def read(self) -> WheelReading:
         """What they report now."""
         ...
+
+
+class MakeWheels(Protocol):
+    """What a driver's file calls ``make_wheels``: it finds the wheels of one robot, and may raise when there are none.
+
+    ``robot``: its settings. ``clock``: the process's, for wheels that look at the time.
+    """
+
+    def __call__(self, robot: RobotSettings, clock: Clock) -> Wheels: ...

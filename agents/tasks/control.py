@@ -104,15 +104,22 @@ def _fresh(inbox: Latest[Any] | None, now: float, limit: float | None) -> tuple[
     return (received if limit is None or age <= limit else None), age
 
 
-async def control(
-    bus: Bus,
-    name: str,
-    loop: ControlLoop,
-    listener: Listener,
-    sender: Sender,
-    wake: asyncio.Event,
-    latencies: list[float],
-) -> None:
+class Signals:
+    """What the tasks of an agent wake each other by; made on the loop.
+
+    Attributes:
+        changed: there is something new to report.
+        located: the robot has had a pose.
+        latencies: from the arrival of each fix to the command that used it, since they were last reported [s].
+    """
+
+    def __init__(self) -> None:
+        self.changed = asyncio.Event()
+        self.located = asyncio.Event()
+        self.latencies: list[float] = []
+
+
+async def control(bus: Bus, name: str, loop: ControlLoop, listener: Listener, sender: Sender, signals: Signals) -> None:
     """Await fixes; at each one, and when one is overdue, let the control loop command. Command zero when leaving.
 
     Args:
@@ -121,8 +128,7 @@ async def control(
         loop: the control loop.
         listener: what others say.
         sender: sends the messages.
-        wake: set when the robot starts or stops to drive.
-        latencies: gets the time from the arrival of each fix to the command that used it [s].
+        signals: what the other tasks are woken by.
     """
     clock = bus.clock
     poses = bus.every(channels.POSE, name)
@@ -145,8 +151,10 @@ async def control(
                 )
             )
             if fixes:
-                latencies.append(clock.now() - fixes[-1].arrival)
+                signals.latencies.append(clock.now() - fixes[-1].arrival)
             if loop.changed:
-                wake.set()
+                signals.changed.set()
+            if loop.seen is not None:
+                signals.located.set()
     finally:
         sender.send(loop.end(clock.now()))

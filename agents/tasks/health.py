@@ -7,6 +7,7 @@ import contextlib
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
+from agents.tasks.control import Signals
 from muro_zenoh import channels
 from muro_zenoh.messages import Health
 from muro_zenoh.transport import Bus
@@ -19,8 +20,7 @@ async def report_health(
     name: str,
     loop: ControlLoop,
     runner: BehaviourRunner,
-    wake: asyncio.Event,
-    latencies: list[float],
+    signals: Signals,
 ) -> None:
     """Report until cancelled.
 
@@ -29,8 +29,7 @@ async def report_health(
         name: the robot's name.
         loop: the control loop; its lists of measurements are emptied.
         runner: the behaviour that runs.
-        wake: set when there is something new to say; it is cleared.
-        latencies: from the arrival of each fix to the command that used it [s]; emptied.
+        signals: what wakes this task; its latencies are emptied.
     """
     publisher = bus.publisher(channels.HEALTH, name)
     commands, since, rate = 0, bus.clock.now(), 0.0
@@ -39,9 +38,9 @@ async def report_health(
         if now - since > 0.5 * _PERIOD:
             rate = (loop.commands - commands) / (now - since)
             commands, since = loop.commands, now
-        samples = {"pose_age_s": tuple(loop.pose_ages), "pose_to_command_s": tuple(latencies)}
+        samples = {"pose_age_s": tuple(loop.pose_ages), "pose_to_command_s": tuple(signals.latencies)}
         loop.pose_ages.clear()
-        latencies.clear()
+        signals.latencies.clear()
         loop.changed = False
         publisher.put(
             Health(
@@ -55,6 +54,7 @@ async def report_health(
                     **bus.numbers(),
                 },
                 samples=samples,
+                failure=runner.failure,
                 stop_latched=loop.latch.stopped,
                 stop_all=loop.latch.everybody,
                 stop_revision=max(loop.latch.revision, 0),
@@ -62,11 +62,13 @@ async def report_health(
         )
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_PERIOD):
-                await wake.wait()
-        wake.clear()
+                await signals.changed.wait()
+        signals.changed.clear()
 
 
 def _state(loop: ControlLoop, runner: BehaviourRunner) -> str:
+    if runner.outcome:
+        return runner.outcome
     if loop.latch.stopped:
         return "stopped"
     if loop.reasons:

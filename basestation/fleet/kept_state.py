@@ -19,20 +19,38 @@ from muro_zenoh.safety.stop import MOST_REVISION
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
-    """A robot's behaviour and its parameters."""
+    """A robot's behaviour.
+
+    Attributes:
+        behaviour: its name.
+        parameters: its own.
+        revision: of the kept state when it was ordered; 0 when the scenario says so. A robot whose behaviour has failed
+            starts it again at another one, and not because something else has changed.
+    """
 
     behaviour: str
     parameters: dict[str, Value] = {}
+    revision: Annotated[int, Meta(ge=0)] = 0
+
+    def is_like(self, other: KeptBehaviour) -> bool:
+        """Whether two robots do the same, whenever that was ordered.
+
+        Args:
+            other: the other robot's.
+        """
+        return (self.behaviour, self.parameters) == (other.behaviour, other.parameters)
 
 
 class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All that outlives the base station.
 
     Attributes:
-        revision: rises with every change; the circle and the behaviours carry it.
+        revision: rises with every change; the circle carries it, and each behaviour the one at which it was ordered.
         stop_revision: the revision of the newest change of the stop, which stop orders carry. It has one of its own,
             because a newer revision lifts a stop that robots received straight from an operator: a change of the circle
             must not.
+        lifted_revision: the stop revision of the newest resume. What robots latched before it is lifted; what they
+            latched since is not, whatever other stops were kept in between, and however often this process restarted.
         circle: the circle to follow.
         behaviour: of each robot.
         stop_all: everybody is stopped.
@@ -44,6 +62,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     revision: Annotated[int, Meta(ge=0)] = 1
     stop_revision: Annotated[int, Meta(ge=0)] = 1
+    lifted_revision: Annotated[int, Meta(ge=0)] = 0
     circle: Circle
     behaviour: dict[Name, KeptBehaviour]
     stop_all: bool = False
@@ -115,7 +134,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             OrderRefused: a robot that the settings do not have, no such behaviour, or one that they cannot do.
         """
         _check_names(order.names, scenario)
-        kept = KeptBehaviour(order.behaviour, order.parameters)
+        kept = KeptBehaviour(order.behaviour, order.parameters, self._next_revision(0))
         new = self._changed(behaviour={**self.behaviour, **dict.fromkeys(order.names or scenario.robots, kept)})
         new._require_feasible(scenario)
         return new
@@ -147,23 +166,23 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )
         _check_names(order.names, scenario)
         stopped = {*self.stop_names, *(scenario.robots if self.stop_all else ())}
-        return self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
+        new = self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
+        return msgspec.structs.replace(new, lifted_revision=new.stop_revision)
 
-    def adopting(self, name: str, health: Health, resumed: int) -> KeptState:
+    def adopting(self, name: str, health: Health) -> KeptState:
         """The state with a stop that a robot received straight from an operator, or with a newer revision than this.
 
         Args:
             name: of the robot.
             health: what its agent reports.
-            resumed: the revision of the newest resume: what was latched before it is lifted; what was latched since is
-                not, whatever other stops were kept in between.
 
         Returns:
             This very state when there is nothing new.
         """
         known = self.stop_revision
         latched = health.stop_revision if health.stop_revision <= MOST_REVISION else known
-        if health.stop_latched and latched >= resumed:
+        # At revision 0 it has received no state since it started, so it cannot have missed a resume either.
+        if health.stop_latched and (latched >= self.lifted_revision or latched == 0):
             already = self.stop_all or (not health.stop_all and name in self.stop_names)
             if already and latched <= known:
                 return self
@@ -177,7 +196,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         groups: list[tuple[KeptBehaviour, list[str]]] = []
         for name in scenario.robots:
             kept = self.behaviour[name]
-            names = next((names for other, names in groups if other == kept), None)
+            names = next((names for other, names in groups if other.is_like(kept)), None)
             if names is None:
                 groups.append((kept, [name]))
             else:

@@ -39,7 +39,6 @@ class StateStore:
         self._changing = asyncio.Lock()
         known = (self._file.read() if self._file is not None else None) or KeptState.initial(scenario)
         self.state = known.fitted_to(scenario)
-        self._resumed = self.state.stop_revision
         if self.state is not known and self._file is not None:
             self._file.write_now(self.state)
         if self.state.circle != known.circle:
@@ -79,7 +78,7 @@ class StateStore:
             name: of the robot.
         """
         kept = self.state.behaviour[name]
-        return Behaviour(behaviour=kept.behaviour, parameters=kept.parameters, revision=self.state.revision)
+        return Behaviour(behaviour=kept.behaviour, parameters=kept.parameters, revision=kept.revision)
 
     # ---- stops: they hold when the call returns
 
@@ -104,7 +103,7 @@ class StateStore:
         Returns:
             None when there is nothing new; else as :meth:`add_stop`.
         """
-        new = self.state.adopting(name, health, self._resumed)
+        new = self.state.adopting(name, health)
         return self._hold(new) if new is not self.state else None
 
     # ---- changes: they hold when they are on the disk
@@ -144,7 +143,6 @@ class StateStore:
             ConfigError: it cannot be written; nothing is lifted.
         """
         await self._change(lambda state: state.resumed(order, self._scenario))
-        self._resumed = self.state.stop_revision
 
     # ---- inside
 

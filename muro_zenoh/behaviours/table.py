@@ -37,11 +37,7 @@ class OwnBehaviour:
 
 def names() -> tuple[str, ...]:
     """The built-in behaviours, by name."""
-    return tuple(
-        sorted(
-            module.name for module in pkgutil.iter_modules(behaviours.__path__) if module.name not in _NOT_BEHAVIOURS
-        )
-    )
+    return tuple(sorted({module.name for module in pkgutil.iter_modules(behaviours.__path__)} - _NOT_BEHAVIOURS))
 
 
 def find(name: str) -> BehaviourKind | OwnBehaviour:

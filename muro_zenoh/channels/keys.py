@@ -12,6 +12,17 @@ from typing import Any, Final
 from muro_zenoh.channels.kinds import Channel, Verb
 from muro_zenoh.errors import ConfigError
 
+__all__ = [
+    "NAME_PATTERN",
+    "alive_in",
+    "alive_key",
+    "check_name",
+    "check_realm",
+    "key_of",
+    "name_in",
+    "verb_key",
+]
+
 NAME_PATTERN: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
 _REALM_PATTERN: Final = re.compile(r"[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*")
 

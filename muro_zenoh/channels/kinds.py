@@ -9,6 +9,8 @@ from typing import Final, Generic, Literal, TypeVar
 
 from muro_zenoh.messages import Message
 
+__all__ = ["ALL_ROLES", "Channel", "Delivery", "Party", "Priority", "Role", "Verb"]
+
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 Delivery = Literal["newest", "every", "kept"]
@@ -106,6 +108,7 @@ class Verb(Generic[M_co]):
         named: what the last word of the key names; empty where only one process answers.
         answered_by: the role that takes it.
         asked_by: the role that may give it.
+        ros: the topic it replaces.
     """
 
     word: str
@@ -113,3 +116,4 @@ class Verb(Generic[M_co]):
     named: str = ""
     answered_by: Role = Role.BASESTATION
     asked_by: Role = Role.OPERATOR
+    ros: str = ""

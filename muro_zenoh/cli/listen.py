@@ -20,6 +20,8 @@ async def listen_to(
     take: Callable[[Sample], bool | None],
     seconds: float | None,
     other: asyncio.Task[None] | None = None,
+    *,
+    keep: bool = False,
 ) -> None:
     """Hand over samples until ``take`` returns true, the time is over, or another task fails.
 
@@ -29,8 +31,9 @@ async def listen_to(
         take: called with each sample; returns true to stop.
         seconds: for how long; None for ever.
         other: a task that runs at the same time.
+        keep: begin with the values that were kept before.
     """
-    tap = bus.tap(expression)
+    tap = bus.tap(expression, keep=keep)
 
     async def listen() -> None:
         async for sample in tap:

@@ -11,7 +11,7 @@ from muro_zenoh.cli.options import example
 COMMANDS = {
     "run": "muro_zenoh.cli.run:run",
     **{name: f"muro_zenoh.cli.processes:{name}" for name in ("agent", "base", "basestation", "sim", "router")},
-    **{name: f"muro_zenoh.cli.orders:{name}" for name in ("stop", "resume", "goal")},
+    **{name: f"muro_zenoh.cli.orders:{name}" for name in ("stop", "resume", "goal", "clear")},
     "set": "muro_zenoh.cli.orders:set_group",
     "topic": "muro_zenoh.cli.topic:topic",
     "figures": "muro_zenoh.cli.figures:figures",

@@ -1,4 +1,4 @@
-"""``muro stop``, ``resume``, ``set``, ``goal``: orders to a running fleet."""
+"""``muro stop``, ``resume``, ``set``, ``goal``, ``clear``: orders to a running fleet."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def resume(names: tuple[str, ...], bus: BusFlags) -> None:
 def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> None:
     """Send the robot NAME to X, Y [m, world], to arrive with the heading THETA [rad] if it is given.
 
-    It takes goals while it runs the behaviour dubins or steer (which ignores the heading). The exit code is 0 when it
-    has accepted, 1 when it refuses, with its reason, or does not answer.
+    The exit code is 0 when the robot accepts, 1 when it refuses, with its reason (not every behaviour takes goals), or
+    does not answer.
     """
     from muro_zenoh.messages import Goal
     from muro_zenoh.orders.goal import send_goal
@@ -115,6 +115,27 @@ def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> N
     for what, value in (("X", x), ("Y", y), ("THETA", theta)):
         if value is not None and not math.isfinite(value):
             raise click.BadParameter(f"got {value}, expected a finite number", param_hint=what)
+    on_bus(order, bus())
+
+
+@click.command(epilog=example("muro clear r3"))
+@click.argument("name")
+@bus_options
+def clear(name: str, bus: BusFlags) -> None:
+    """Forget where the robot NAME was last seen.
+
+    A robot that no camera sees any more stays an obstacle where it was. Once it has been carried away, clear it. It is
+    back as soon as a camera sees it again. The exit code is 1 when it was never seen.
+    """
+    from muro_zenoh import channels
+    from muro_zenoh.messages import Clear
+
+    async def order(b: Bus) -> int:
+        reply = await b.ask(channels.CLEAR, Clear(name=name))
+        click.echo(f"{name}: forgotten, until a camera sees it again" if reply.accepted else f"refused: {reply.reason}")
+        return 0 if reply.accepted else 1
+
+    _check_names((name,))
     on_bus(order, bus())
 
 

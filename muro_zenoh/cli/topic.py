@@ -85,7 +85,7 @@ def list_topics(seconds: float, bus: BusFlags) -> None:
 @click.option("--for", "seconds", type=_FOR, metavar="S", help="Exit after this time.")
 @bus_options
 def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> None:
-    """Print what is written on KEY.
+    """Print what is written on KEY, from the values that were kept before (such as stop, circle or health) on.
 
     A KEY is within the realm (pose/r1 is muro/pose/r1) unless it begins with the realm or with a slash. * stands for
     any word, ** for any words.
@@ -108,7 +108,7 @@ def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> N
             left -= 1
             return left <= 0
 
-        await listen_to(b, expression, print_sample, seconds)
+        await listen_to(b, expression, print_sample, seconds, keep=True)
         if not received:
             click.echo(f"no message on {expression}", err=True)
             return 1

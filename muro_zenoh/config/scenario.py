@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, TypeVar
 import msgspec
 
 from muro_zenoh.behaviours.table import DEFAULT
+from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.files import override, read_file
@@ -20,7 +21,6 @@ from muro_zenoh.config.sections import (
     BehaviourSettings,
     BusSettings,
     CameraSettings,
-    Checks,
     GoalRow,
     RobotSettings,
     Scenario,

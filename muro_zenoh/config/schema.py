@@ -23,8 +23,21 @@ from typing import Annotated, Any, Final, NamedTuple, Union, get_args, get_origi
 
 import msgspec
 
+from muro_zenoh.quantities import check_quantities
+
 REQUIRED: Final = object()
 """The default of a field that must be given."""
+
+
+class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a settings file.
+
+    Raises:
+        ParameterError: a number outside its limits.
+    """
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
 
 
 class Field(NamedTuple):

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct
+from msgspec import Meta, field
 
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
+from muro_zenoh.config.checks import Checks
+from muro_zenoh.config.schema import Section
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import (
     Acceleration,
     Angle,
-    AngleSize,
     AngularAcceleration,
     Coordinate,
     Count,
@@ -22,11 +23,9 @@ from muro_zenoh.quantities import (
     Length,
     Number,
     Period,
-    Positive,
     Quantity,
     Speed,
     TurningRate,
-    check_quantities,
 )
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
@@ -37,17 +36,6 @@ NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|
 
 
 _PIXELS = Quantity("px", above=0, at_most=8192, whole=True)
-
-
-class Section(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of a settings file.
-
-    Raises:
-        ParameterError: a number outside its limits.
-    """
-
-    def __post_init__(self) -> None:
-        check_quantities(self)
 
 
 class RobotSettings(Section, frozen=True, kw_only=True):
@@ -67,7 +55,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         alpha_max: strongest angular acceleration [rad/s^2].
         brake: strongest braking [m/s^2].
         lag: time constant of the wheels' speed control [s]; laws are evaluated that far ahead.
-        base: what turns its wheels.
+        base: what turns its wheels: the name of a file in ``agents/base``.
     """
 
     tag: Count | None = None
@@ -83,7 +71,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
     alpha_max: AngularAcceleration = 3.0
     brake: Acceleration = 1.0
     lag: Period = 0.1
-    base: Literal["simulated"] = "simulated"
+    base: Name = "simulated"
 
     @property
     def wheels(self) -> WheelLimits:
@@ -179,49 +167,7 @@ class BehaviourSettings(Section, frozen=True, kw_only=True):
     """
 
     name: str = table.DEFAULT
-    parameters: dict[str, Value] = {}
-
-
-class Checks(Section, frozen=True, kw_only=True):
-    """What a run must meet for exit code 0; a check that is not set is not made.
-
-    Attributes:
-        window: the errors are judged over this much time at the end [s].
-        settle_time: from the start until settled, at most [s].
-        radius_error_p95: at most [m].
-        spacing_error_p95: at most [rad].
-        fix_rate: at least, for every robot [Hz].
-        pose_age_p99: at most [s].
-        collisions: at most.
-        goals_missed: how many of the scenario's goals are not reached, at most.
-        goal_distance: from a goal to the robot that stopped at it, at most [m].
-        goal_heading: off the heading asked for at a goal, at most [rad].
-        tracking_error_p95: distance from the planned path, at most [m].
-        peak_speed_ratio: every robot's greatest speed on a straight over its ``v_min``, at least.
-        command_ratio: the greatest speed commanded over the robot's limit, at most; 1 is within the limits.
-        coverage_distance: from a robot to its own cell's centroid, at rest at the end, at most [m].
-        coverage_gain: by what fraction going on with Lloyd's algorithm would lower the cost, at most.
-        coverage_rise: by what fraction the cost rises from one round to the next, at most.
-        density_error: total variation distance of the time spent round the circle from the importance, at most.
-    """
-
-    window: Period = 15.0
-    settle_time: Period | None = None
-    radius_error_p95: Length | None = None
-    spacing_error_p95: AngleSize | None = None
-    fix_rate: Annotated[float, Quantity("Hz", above=0.0)] | None = None
-    pose_age_p99: Period | None = None
-    collisions: Count | None = None
-    goals_missed: Count | None = None
-    goal_distance: Length | None = None
-    goal_heading: AngleSize | None = None
-    tracking_error_p95: Length | None = None
-    peak_speed_ratio: Positive | None = None
-    command_ratio: Positive | None = None
-    coverage_distance: Length | None = None
-    coverage_gain: Positive | None = None
-    coverage_rise: Positive | None = None
-    density_error: Positive | None = None
+    parameters: dict[str, Value] = field(default_factory=dict)
 
 
 class Simulation(Section, frozen=True, kw_only=True):
@@ -266,11 +212,11 @@ class Scenario(Section, frozen=True, kw_only=True):
     duration: Period = 60.0
     robot: dict[Name, RobotSettings]
     arena: Bounds = ARENA
-    camera: dict[Name, CameraSettings] = {}
+    camera: dict[Name, CameraSettings] = field(default_factory=dict)
     circle: Circle = CIRCLE
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
-    goals: dict[Name, tuple[GoalRow, ...]] = {}
+    goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
 

@@ -121,7 +121,7 @@ def settling(effort: Effort) -> Figure:
     angles = np.random.default_rng(1).uniform(0.0, BUNCH, (effort.trials, ROBOTS))
     x, y = CIRCLE.radius * np.cos(angles), CIRCLE.radius * np.sin(angles)
     starts = np.stack((x, y, angles + math.pi / 2.0), axis=-1)
-    bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX)
+    bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX, BAND)
     figure, (course, ratios) = sheet(PAGE, 2.6, 1, 2)
     for name, (label, color, dashes) in LAW_LOOKS.items():
         law = pursuit_law(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
@@ -173,17 +173,17 @@ def importance(effort: Effort) -> Figure:
     Args:
         effort: how much is simulated.
     """
-    asked = desired_density()
+    desired = desired_density()
     edges = np.linspace(0.0, TWO_PI, BINS + 1)
-    wanted = np.diff(np.asarray(asked.mass(edges))) / (TWO_PI / BINS)
+    share = np.diff(np.asarray(desired.mass(edges))) / (TWO_PI / BINS)
     figure, parts = sheet(PAGE, 2.2, 1, 3, sharey=True)
     sizes = (1, 3, 5)
-    for axes, letter, robots, found in zip(parts, "abc", sizes, _densities(asked, sizes, effort), strict=True):
-        off = 0.5 * float(abs(found - wanted).sum()) / BINS
+    for axes, letter, robots, found in zip(parts, "abc", sizes, _densities(desired, sizes, effort), strict=True):
+        off = 0.5 * float(abs(found - share).sum()) / BINS
         axes.bar(
             0.5 * (edges[1:] + edges[:-1]), found, width=0.9 * TWO_PI / BINS, color=BLUE, alpha=0.45, label="found"
         )
-        axes.plot(edges, np.asarray(asked.density(edges)), color=ORANGE, label="desired")
+        axes.plot(edges, np.asarray(desired.density(edges)), color=ORANGE, label="desired")
         part_label(axes, letter, f"N = {robots}, total variation {100.0 * off:.1f} %")
         axes.set_xlim(0.0, TWO_PI)
         axes.set_xticks(np.linspace(0.0, TWO_PI, 5), ("0", "π/2", "π", "3π/2", "2π"))
@@ -194,9 +194,9 @@ def importance(effort: Effort) -> Figure:
     return figure
 
 
-def _densities(asked: Importance, sizes: tuple[int, ...], effort: Effort) -> list[Array]:
+def _densities(desired: Importance, sizes: tuple[int, ...], effort: Effort) -> list[Array]:
     """Density of rings of robots under importance-weighted pursuit over the bins of angles, mean 1, (BINS,) each."""
-    law = pursuit_law("importance", cruise=CRUISE, v_min=V_MIN, v_max=V_MAX, importance=asked)
+    law = pursuit_law("importance", cruise=CRUISE, v_min=V_MIN, v_max=V_MAX, importance=desired)
     follow = circle_law()
     angles = np.concatenate([np.linspace(0.0, BUNCH, robots) for robots in sizes])
     ends = np.cumsum(sizes)

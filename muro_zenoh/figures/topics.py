@@ -61,7 +61,7 @@ def topics(effort: Effort) -> Figure:
     """
     figure, axes = sheet(PAGE, 5.4)
     axes.set_axis_off()
-    axes.set_xlim(-0.09, 1.12)
+    axes.set_xlim(-0.12, 1.12)
     rows = _by_writer(flows())
     heights = {row.key: 1.0 - k / (len(rows) - 1) for k, row in enumerate(rows)}
     writers = _column([(name, heights[row.key]) for row in rows for name in row.writers])
@@ -69,11 +69,11 @@ def topics(effort: Effort) -> Figure:
     for row in rows:
         color, height = _color(row.writers[0]), heights[row.key]
         for name in row.writers:
-            _link(axes, (WRITERS_AT + 0.075, writers[name]), (CHANNELS_AT - 0.13, height), _color(name))
+            _link(axes, (WRITERS_AT + 0.1, writers[name]), (CHANNELS_AT - 0.13, height), _color(name))
         for name in row.readers:
             _link(axes, (CHANNELS_AT + 0.13, height), (READERS_AT - 0.1, readers[name]), color)
         _box(axes, (CHANNELS_AT, height), row.key, color, 0.26)
-    for x, width, column in ((WRITERS_AT, 0.15, writers), (READERS_AT, 0.2, readers)):
+    for x, width, column in ((WRITERS_AT, 0.2, writers), (READERS_AT, 0.2, readers)):
         for name, height in column.items():
             _box(axes, (x, height), name, _color(name), width, filled=True)
     for x, text in ((WRITERS_AT, "writers"), (CHANNELS_AT, "channels"), (READERS_AT, "readers")):

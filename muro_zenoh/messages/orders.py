@@ -1,4 +1,4 @@
-"""Kept state, orders and answers: goals, circle, behaviours, stop, health, and the orders to the base station."""
+"""Kept state, orders and answers: circle, behaviours, stop, health, and the orders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from muro_zenoh.messages.base import Message, Name, Value
 
 
 class Goal(Message, frozen=True, kw_only=True):
-    """A goal of a robot; ``theta`` is nil when the heading does not matter."""
+    """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter."""
 
     x: float
     y: float
@@ -64,10 +64,11 @@ class Health(Message, frozen=True, kw_only=True):
 
     Attributes:
         role: ``agent``, ``base``, ``basestation``, ``simulator`` ...
-        state: one word, such as ``driving``, ``holding``, ``stopped``, ``waiting``.
+        state: one word, such as ``driving``, ``holding``, ``stopped``, ``failed``.
         reasons: why it does not drive, most important first.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
+        failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
         stop_latched: a stop is latched.
         stop_all: the latched stop was one to all robots.
         stop_revision: the newest revision of the stop order that was received.
@@ -78,6 +79,7 @@ class Health(Message, frozen=True, kw_only=True):
     reasons: tuple[str, ...] = ()
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    failure: str = ""
     stop_latched: bool = False
     stop_all: bool = False
     stop_revision: int = 0

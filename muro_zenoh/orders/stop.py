@@ -36,7 +36,7 @@ class StopResult(NamedTuple):
 
     Attributes:
         reply: the base station's; None when it did not answer.
-        robots: the status of each robot that was named, or of each that is alive when none was.
+        robots: the status of each robot that was named, or of each that was alive meanwhile when none was.
     """
 
     reply: Reply | None
@@ -70,10 +70,14 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     orders = bus.publisher(channels.STOP)
     asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
 
+    addressed = set(names)
+
     def status() -> dict[str, StopStatus]:
         alive = roster.of("agent")
+        if not names:
+            addressed.update(alive)  # one that disappears meanwhile has not confirmed, either
         found = {}
-        for name in sorted(set(names) or alive):
+        for name in sorted(addressed):
             report = health.get(name)
             if name not in alive:
                 found[name] = StopStatus.NOT_ALIVE
@@ -94,6 +98,7 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
                 )
             )
             await asyncio.sleep(_REPEAT_PERIOD)
+            status()  # who is alive now
         await until(lambda: all(s is StopStatus.STOPPED for s in status().values()), _CONFIRMATION_TIMEOUT)
         try:
             reply: Reply | None = await asking

@@ -7,7 +7,8 @@ two turning circles that it joins: with ``d`` from the centre of the first to th
 * inner tangent (LSR, RSL): straight ``sqrt(|d|^2 - 4)``, where the circles do not overlap;
 * a third circle between (RLR, LRL): middle arc ``2 pi - acos(1 - |d|^2 / 8)``, where ``|d| < 4``.
 
-Arcs are taken modulo a whole turn; an arc within 1e-9 of a whole turn is 0, or rounding would add a full circle.
+Arcs are taken modulo a whole turn; an arc within 1e-9 of a whole turn is 0, and circles that overlap by less than that
+touch, or rounding would add a full circle.
 
 Source: Dubins, American Journal of Mathematics 79, 1957; seed 004, section 4.
 """
@@ -29,6 +30,7 @@ WORDS: Final = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
 
 _NONE: Final = 1e-9
 _FULL: Final = TWO_PI - _NONE
+_TOUCHING: Final = 4.0 - _NONE
 _TURN: Final = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
@@ -114,8 +116,8 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
     spare = 4.0 + spare * spare if spare > 0.0 else 0.0
     x, y = dx + s0 + s1, dy - c0 - c1
     square = x * x + y * y
-    if 4.0 <= square < spare:
-        p = sqrt(square - 4.0)
+    if _TOUCHING <= square < spare:
+        p = sqrt(square - 4.0) if square > 4.0 else 0.0
         t = (atan2(y, x) + atan2(2.0, p) - a0) % TWO_PI
         if t > _FULL:
             t = 0.0
@@ -130,8 +132,8 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
 
     x, y = dx - s0 - s1, dy + c0 + c1
     square = x * x + y * y
-    if 4.0 <= square < spare:
-        p = sqrt(square - 4.0)
+    if _TOUCHING <= square < spare:
+        p = sqrt(square - 4.0) if square > 4.0 else 0.0
         t = (a0 - atan2(y, x) + atan2(2.0, p)) % TWO_PI
         if t > _FULL:
             t = 0.0
@@ -239,8 +241,8 @@ def all_words(start: Array, goal: Array, radius: float) -> WordArrays:
     rsr = (a0 - np.where(one_right, a1, right_way), right, np.where(one_right, 0.0, right_way - a1))
 
     def inner(x: Array, y: Array, sign: float) -> tuple[Array, Array, Array]:
-        square = x * x + y * y - 4.0
-        p = np.sqrt(np.where(square >= 0.0, square, np.nan))
+        square = x * x + y * y
+        p = np.sqrt(np.where(square >= _TOUCHING, np.maximum(square - 4.0, 0.0), np.nan))
         way = np.arctan2(y, x) + sign * np.arctan2(2.0, p)
         return sign * (way - a0), p, sign * (way - a1)
 

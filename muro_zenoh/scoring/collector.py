@@ -13,7 +13,7 @@ from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
-from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.expectations import expectations_of
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.reports import AgentReports, SimulatorReports
 from muro_zenoh.scoring.sheet import ProcessUse
@@ -48,12 +48,13 @@ class Collector:
         self._circle = bus.latest(channels.CIRCLE)
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
+        self._positions = bus.latest(channels.ALL_POSITIONS)
         self._paths = bus.every(channels.PATH, "*", depth=4096)
         # Recorded only when a check needs it, because these are many messages.
         self._commands = (
             bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
         )
-        self.asked = asked_of(scenario)
+        self.expected = expectations_of(scenario)
         self._planned: dict[str, list[Planned]] = {name: [] for name in scenario.robots}
         self._command_ratio: float | None = None
         self._agents = AgentReports()
@@ -62,6 +63,8 @@ class Collector:
         self._began: float | None = None
         self._on_circle_since: dict[str, float] = {}
         self._error_after: dict[str, float | None] = {}
+        self._seen: set[str] = set()
+        self._failures: dict[str, str] = {}
         self.health: dict[str, Health] = {}
         self.latest = Sample(0.0, {}, scenario.circle)
 
@@ -95,6 +98,8 @@ class Collector:
         """Receive the health of every process until cancelled."""
         async for received in self._health:
             self.health[received.name] = received.message
+            if received.message.failure:
+                self._failures.setdefault(received.name, received.message.failure)
             if received.message.role == "simulator":
                 self._simulator.add(received.message)
             if self._began is not None:
@@ -137,7 +142,11 @@ class Collector:
         """Take one sample of the fleet."""
         bodies = self._bodies(self._bus.clock.now())
         positions = {name: (body.x, body.y) for name, body in bodies.items()}
-        self.latest = Sample(self.elapsed, positions, self.circle, bodies)
+        stopped = frozenset(name for name, health in self.health.items() if health.stop_latched)
+        self.latest = Sample(self.elapsed, positions, self.circle, bodies, stopped)
+        snapshot = self._positions.get()
+        if snapshot is not None:
+            self._seen.update(robot.name for robot in snapshot.message.robots)
         if self._began is not None:
             self._samples.append(self.latest)
             self._note_circling(self.latest)
@@ -199,7 +208,7 @@ class Collector:
             scenario=self._scenario.name,
             robots=self._robots,
             duration=duration,
-            asked=self.asked,
+            expected=self.expected,
             seed=seed,
             ended=ended,
             samples=self._samples,
@@ -212,6 +221,8 @@ class Collector:
             calibration_error_10s=self._error_after,
             restarts=restarts,
             processes=processes,
-            paths=self._planned if self.asked.v_min is not None else {},
+            paths=self._planned if self.expected.v_min is not None else {},
             command_ratio=self._command_ratio,
+            seen=self._seen,
+            failures=self._failures,
         )

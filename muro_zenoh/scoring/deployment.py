@@ -96,7 +96,7 @@ class Coverage(Table):
     rounds: Annotated[int, Row("number of rounds that ended")]
 
 
-def score_deployment(asked: Deployment, fleet: Sequence[tuple[float, Mapping[str, Body]]], robots: int) -> Deployed:
+def score_deployment(expected: Deployment, fleet: Sequence[tuple[float, Mapping[str, Body]]], robots: int) -> Deployed:
     """The result of a deployment.
 
     Args:
@@ -105,16 +105,16 @@ def score_deployment(asked: Deployment, fleet: Sequence[tuple[float, Mapping[str
         robots: number of robots; moments at which not all are known are skipped.
     """
     known = [(t, bodies) for t, bodies in fleet if len(bodies) == robots]
-    rests = [rest for rest in _rests(known) if rest.end - rest.begin >= asked.hold_time - _UNSEEN]
-    costs = [coverage_cost(_sites(rest.bodies), asked.floor, asked.density) for rest in rests]
+    rests = [rest for rest in _rests(known) if rest.end - rest.begin >= expected.hold_time - _UNSEEN]
+    costs = [coverage_cost(_sites(rest.bodies), expected.floor, expected.density) for rest in rests]
     rise = max((b / a - 1.0 for a, b in itertools.pairwise(costs)), default=0.0 if costs else None)
     if not rests or rests[-1].end < known[-1][0]:  # a robot is driving at the end
         return Deployed(None, costs[-1] if costs else None, None, rise, len(costs))
     sites = _sites(rests[-1].bodies)
-    cost = coverage_cost(sites, asked.floor, asked.density)
-    ahead = lloyd_step(sites, asked.floor, asked.density)
+    cost = coverage_cost(sites, expected.floor, expected.density)
+    ahead = lloyd_step(sites, expected.floor, expected.density)
     distance = max(math.dist(site, centre) for site, centre in zip(sites, ahead, strict=True))
-    settled = coverage_cost(_lloyd(sites, asked), asked.floor, asked.density)
+    settled = coverage_cost(_lloyd(sites, expected), expected.floor, expected.density)
     return Deployed(distance, cost, 1.0 - settled / cost, rise, len(costs))
 
 
@@ -144,9 +144,9 @@ def _sites(bodies: Mapping[str, Body]) -> tuple[Point, ...]:
     return tuple((body.x, body.y) for body in bodies.values())
 
 
-def _lloyd(sites: tuple[Point, ...], asked: Deployment) -> tuple[Point, ...]:
+def _lloyd(sites: tuple[Point, ...], expected: Deployment) -> tuple[Point, ...]:
     for _ in range(_MAX_STEPS):
-        before, sites = sites, lloyd_step(sites, asked.floor, asked.density)
+        before, sites = sites, lloyd_step(sites, expected.floor, expected.density)
         if max(math.dist(a, b) for a, b in zip(before, sites, strict=True)) < _CONVERGED:
             break
     return sites

@@ -12,7 +12,7 @@ from muro_zenoh.control.importance import Importance
 from muro_zenoh.scoring.deployment import Deployment
 
 
-class Asked(NamedTuple):
+class Expectations(NamedTuple):
     """What the robots should achieve.
 
     Attributes:
@@ -32,7 +32,7 @@ class Asked(NamedTuple):
     deployment: Deployment | None = None
 
 
-def asked_of(scenario: Scenario) -> Asked:
+def expectations_of(scenario: Scenario) -> Expectations:
     """The expectations of a scenario; none for a user's own behaviour.
 
     Args:
@@ -43,14 +43,16 @@ def asked_of(scenario: Scenario) -> Asked:
         BehaviourError: no such behaviour.
     """
     expected = _expected(scenario)
-    asked = expected.deployment
-    return Asked(
+    deployment = expected.deployment
+    return Expectations(
         expected.on_circle,
         expected.evenly,
         expected.importance,
         {robot: scenario.goals.get(robot, ()) for robot in scenario.robots} if expected.goals else {},
         expected.v_min,
-        Deployment(scenario.vehicle(scenario.robots[0]).arena, asked.density, asked.hold_time) if asked else None,
+        Deployment(scenario.vehicle(scenario.robots[0]).arena, deployment.density, deployment.hold_time)
+        if deployment
+        else None,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -11,7 +11,7 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.planning.path import Path
 
 if TYPE_CHECKING:
-    from muro_zenoh.scoring.expectations import Asked
+    from muro_zenoh.scoring.expectations import Expectations
     from muro_zenoh.scoring.sheet import ProcessUse
 
 SAMPLE_PERIOD: Final = 0.1
@@ -61,12 +61,14 @@ class Sample(NamedTuple):
         positions: true x, y [m, world] by robot, for those known at this time.
         circle: the circle to follow at this time.
         bodies: true states by robot, for those known at this time.
+        stopped: the robots that were stopped by order at this time.
     """
 
     t: float
     positions: Mapping[str, tuple[float, float]]
     circle: Circle
     bodies: Mapping[str, Body] = MappingProxyType({})
+    stopped: frozenset[str] = frozenset()
 
 
 class Calibrated(NamedTuple):
@@ -115,12 +117,14 @@ class Observed:
         processes: processor time and memory, by process.
         paths: the paths that each robot planned; empty when the scenario needs none.
         command_ratio: the largest commanded speed of any robot over its limit; None when it was not recorded.
+        seen: the robots that a camera saw.
+        failures: why behaviours failed, or ended before the run did, by robot.
     """
 
     scenario: str
     robots: tuple[str, ...]
     duration: float
-    asked: Asked
+    expected: Expectations
     seed: int | None = None
     ended: str = "duration"
     samples: Sequence[Sample] = ()
@@ -135,3 +139,5 @@ class Observed:
     processes: Mapping[str, ProcessUse] = field(default_factory=dict)
     paths: Mapping[str, Sequence[Planned]] = field(default_factory=dict)
     command_ratio: float | None = None
+    seen: Collection[str] = ()
+    failures: Mapping[str, str] = field(default_factory=dict)

@@ -119,6 +119,9 @@ class ScoreSheet(Table):
             f"it is slower than {STATIONARY_SPEED:g} m/s and {STATIONARY_TURNING_RATE:g} rad/s for at least {REST:g} s"
         ),
     ]
+    goals_missed: Annotated[
+        int | None, Row("`goals_asked` minus `goals_reached`; `null` when the scenario has no goals")
+    ]
     goal_distance_m: Annotated[
         float | None,
         Row("the largest distance from a goal of the robot at rest there; `null` when none was reached", "m", 4),
@@ -216,7 +219,25 @@ class ScoreSheet(Table):
         ),
     ]
     calibration: Annotated[Mapping[str, Calibration], Row(by="robot")]
+    never_seen: Annotated[tuple[str, ...], Row("the robots that no camera ever saw")]
+    stopped_s: Annotated[
+        Mapping[str, float],
+        Row("scenario time under a stop order, as the robot's agent reported it", "s", 1, by="robot"),
+    ]
+    failures: Annotated[
+        Mapping[str, str],
+        Row(
+            "why the robot's behaviour failed, or ended before the run did; of the robots whose behaviour did",
+            by="robot",
+        ),
+    ]
     restarts: Annotated[int, Row("number of restarts of processes that died")]
     processes: Annotated[Mapping[str, ProcessUse], Row(by="process")]
     checks: Annotated[Mapping[str, CheckResult], Row(by="check")]
-    passed: Annotated[bool, Row("whether the run lasted its whole duration and met every check")]
+    passed: Annotated[
+        bool | None,
+        Row(
+            "`false` when the run ended before its duration, a behaviour failed or ended before the run did, or a "
+            "check is not met; otherwise `true`, or `null` when the scenario makes no checks"
+        ),
+    ]

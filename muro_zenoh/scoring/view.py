@@ -63,9 +63,9 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         scenario: its robots and its duration.
         restarts: number of process restarts.
     """
-    sample, asked = collector.latest, collector.asked
+    sample, expected = collector.latest, collector.expected
     # Robots without expectations may circle, too: their behaviour is the user's own, or is changed later.
-    circling = not (asked.goals or asked.v_min or asked.deployment)
+    circling = not (expected.goals or expected.v_min or expected.deployment)
     gaps = gaps_ahead(sample.positions, sample.circle)
     rows = []
     for name in scenario.robots:

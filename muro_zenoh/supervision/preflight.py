@@ -6,6 +6,7 @@ import importlib.util
 from pathlib import Path
 
 import muro_zenoh
+from agents.base.table import check_base
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config import Scenario, check_behaviour
 from muro_zenoh.errors import ConfigError
@@ -38,7 +39,7 @@ def check_can_run(scenario: Scenario, file: str) -> None:
         file: its file, for errors.
 
     Raises:
-        ConfigError: no camera, no such behaviour, or invalid parameters.
+        ConfigError: no camera, no such wheels or behaviour, or invalid parameters.
     """
     behaviour = scenario.behaviour
     if not scenario.camera and behaviour.name != DEFAULT:
@@ -48,4 +49,5 @@ def check_can_run(scenario: Scenario, file: str) -> None:
             expected="a section [camera.<name>], because no robot drives without poses",
         )
     for name in scenario.robots:
+        check_base(scenario, name, file)
         check_behaviour(behaviour.name, scenario.behaviour_of(name).parameters, file, [scenario.vehicle(name)])

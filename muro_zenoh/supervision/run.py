@@ -61,10 +61,11 @@ class RunResult(NamedTuple):
 
     @property
     def exit_code(self) -> int:
-        """Exit code of ``muro run``: 0 when all checks were met, 1 when not, 130 when it was interrupted."""
+        """Exit code of ``muro run``: 130 when it was interrupted, 1 when it did not pass; 0 otherwise, also without
+        checks."""
         if self.interrupted:
             return INTERRUPTED
-        return 0 if self.sheet is not None and self.sheet.passed else 1
+        return 1 if self.sheet is None or self.sheet.passed is False else 0
 
 
 class Screen(Protocol):

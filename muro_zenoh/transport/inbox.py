@@ -1,7 +1,7 @@
 """Mailboxes between the middleware's threads and the event loop.
 
-A callback files bytes and leaves. A loop whose task waits is woken once for all that was filed meanwhile; a mailbox
-that nobody waits at wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts
+A callback files bytes and returns. A waiting task is woken once for everything filed in the meantime; a mailbox where
+no task waits wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts
 what it drops and what it rejects.
 """
 
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T", bound=Message)
 
 _MAX_KEYS = 1024
-"""Keys a mailbox of many remembers; a stranger who writes on ever new ones fills no memory."""
+"""Keys that a mailbox of ``*`` remembers at most: a writer of ever new keys must not fill the memory."""
 
 MAX_PAYLOAD = 8 * 2**20
 """A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
@@ -101,10 +101,10 @@ class Inbox(ABC, Generic[T]):
             if self._awake or self._waiter is None:
                 return
             self._awake = True
-        if threading.get_ident() == self._thread:  # an in-memory link's: nobody sleeps who must be woken
+        if threading.get_ident() == self._thread:  # from an in-memory link: the loop is awake
             self._wake()
             return
-        try:  # noqa: SIM105 - suppress() costs a microsecond on the way of every message
+        try:  # noqa: SIM105 - suppress() costs a microsecond on the path of every message
             self._loop.call_soon_threadsafe(self._wake)
         except RuntimeError:
             pass  # Zenoh calls back after undeclare() until its backlog is drained; a closed loop wants none of it
@@ -112,7 +112,7 @@ class Inbox(ABC, Generic[T]):
     # ---- on the loop
 
     def hand(self, key: str, message: T) -> None:
-        """Take a message that this very process sends; it was never bytes."""
+        """Take a message that this process itself sends, without encoding."""
         if self._raw:
             self._sort()  # what others sent before it is older
         now = self._now()
@@ -139,7 +139,7 @@ class Inbox(ABC, Generic[T]):
                 raise TransportError(f"{self._where}: two tasks wait at one mailbox; give each its own")
             self._waiter = self._loop.create_future()
             try:
-                if not self._raw:  # else filed since, and perhaps nobody was woken for it
+                if not self._raw:  # else something was filed before there was a waiter to wake
                     await self._waiter
             finally:
                 self._waiter = None
@@ -188,7 +188,7 @@ class Inbox(ABC, Generic[T]):
         """The next unread message, or None."""
 
     def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
-        """The message in a sample, or None when it is none: counted, and said once per episode."""
+        """The message in a sample; None for an invalid one, which is counted, and logged once per episode."""
         tracker = self._delays.get(key)
         try:
             if len(payload) > MAX_PAYLOAD:
@@ -202,7 +202,7 @@ class Inbox(ABC, Generic[T]):
             self._counters.rejected += 1
             if not self._episode:
                 self._episode = True
-                log.warning("%s: dropped a message: %s (said once until a good one comes)", key, error)
+                log.warning("%s: dropped a message: %s (logged once until a good one comes)", key, error)
             return None
         self._episode = False
         if tracker is None:

@@ -1,6 +1,6 @@
 """What a bus needs of the middleware: the one seam, with a Zenoh side and an in-memory side.
 
-A link carries bytes. It calls back on whatever thread it likes; the callbacks only file and leave.
+A link carries bytes. It calls back on any thread; the callbacks only file and return.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Link(Protocol):
 
     def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
         """Declare a reader of others' samples, not of this link's own; ``encoding``: what they will mostly have;
-        ``keep``: with the values kept by now, whoever keeps them."""
+        ``keep``: including the values that are kept already, by any writer."""
         ...
 
     def declare_token(self, key: str) -> Closable:

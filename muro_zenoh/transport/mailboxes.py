@@ -15,7 +15,7 @@ T = TypeVar("T", bound=Message)
 
 
 class Latest(Inbox[T]):
-    """Keeps the newest message of each key, and wakes its reader once for all that came meanwhile."""
+    """Keeps the newest message of each key, and wakes its reader once for all that came in the meantime."""
 
     def __init__(
         self,
@@ -31,7 +31,7 @@ class Latest(Inbox[T]):
         super().__init__(kind, prefix, clock, loop, counters, where, depth)
         self._newest: dict[str, Received[T]] = {}
         self._unread: dict[str, Received[T]] = {}
-        self._unseen: set[str] = set()  # names whose newest nobody has looked at, by next() or get()
+        self._unseen: set[str] = set()  # names whose newest was not read yet, by next() or get()
 
     def get(self, name: str = "") -> Received[T] | None:
         """The newest message of a name, read or not, without waiting. On a mailbox of one key leave ``name`` out."""

@@ -56,12 +56,17 @@ async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
         await fleet.until(lambda: abs(fleet.truth["r1"].v - 0.1) < 0.01, 10, "r1 at the foreign program's speed")
         await fleet.throughout(lambda: abs(fleet.truth["r2"].v - 0.1) > 0.05, 0.5, "r2 at its own")
         other.kill()
-    await fleet.until(lambda: fleet.says("r1", "the velocity is silent") and fleet.standing("r1"), 5, "r1 holds")
+    await fleet.until(lambda: fleet.says("r1", "no velocity for") and fleet.standing("r1"), 5, "r1 holds")
 
 
 async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> None:
-    await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="fly", names=("r2",)))
-    await fleet.until(lambda: fleet.says("r2", "got 'fly', expected one of circle, pursuit"), 5, "r2 says why")
+    reply = fleet.muro("set", "behaviour", "fly", "--robot", "r2")
+    assert reply.returncode == 1
+    assert "got 'fly', expected one of circle, coverage" in reply.stdout
+    # Only the robots load a user's own, so that the base station keeps it.
+    reply = fleet.muro("set", "behaviour", "nolab:fly", "--robot", "r2")
+    assert reply.returncode == 1
+    await fleet.until(lambda: fleet.says("r2", "No module named 'nolab'"), 5, "r2 says why")
     await fleet.until(lambda: fleet.standing("r2"), 3, "r2 stands")
     assert fleet.process["r2"].running
     assert fleet.driving("r3")
@@ -111,7 +116,8 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
                 frame = {"stamp": time.time(), "width": size, "height": size, "format": kind, "data": data}
                 session.put("muro/camera/north", msgpack.packb(frame))
             for verb in channels.VERBS:
-                session.get(f"muro/basestation/{verb.word}", lambda _: None, payload=payload(), timeout=0.5)
+                key = channels.verb_key("muro", verb, "r1" if verb.named else "")
+                session.get(key, lambda _: None, payload=payload(), timeout=0.5)
             await fleet.until(lambda: True, 1, "the processes live")
             await asyncio.sleep(0.05)
     finally:

@@ -35,7 +35,7 @@ def test_silence_does_not_make_it_forget() -> None:
     assert tracker.observe(1, 1.0, 600.0) == pytest.approx(599.0)
 
 
-def test_a_way_that_grew_longer_stays_late_and_never_becomes_the_measure() -> None:
+def test_a_path_that_grew_longer_stays_late_and_never_becomes_the_measure() -> None:
     # A radio link whose buffers have filled: every pose two seconds old, for ten minutes.
     tracker = DelayTracker()
     delays = [tracker.observe(1, 0.1 * i, 0.1 * i + (0.0 if i < 100 else 2.0)) for i in range(6000)]
@@ -51,7 +51,7 @@ def test_a_drifting_clock_is_followed() -> None:
     assert max(delays) < 0.004
 
 
-def test_a_restarted_writer_begins_anew() -> None:
+def test_a_restarted_writer_starts_from_scratch() -> None:
     tracker = DelayTracker()
     tracker.observe(1, 100.0, 0.0)
     assert tracker.observe(2, 5.0, 1.0) == 0.0

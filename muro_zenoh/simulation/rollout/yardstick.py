@@ -70,11 +70,16 @@ def _enters(path: Path, circle: Circle, band: float) -> float:
     return path.length * float(outside[-1]) / (len(poses) - 1) if len(outside) else 0.0
 
 
-def equal_spacing_bound(angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float) -> Array:
-    """The minimum time in which robots on a circle can space themselves evenly.
+def equal_spacing_bound(
+    angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float, tolerance: float = 0.0
+) -> Array:
+    """The minimum time in which robots on a circle can space themselves evenly, in their present order.
 
-    Every robot has an angle to travel to its position in an evenly spaced ring of any phase. The bound is the smallest
-    T for which all these angles are in [v_min T / r, v_max T / r]: their spread over (v_max - v_min) / r.
+    With ``o_k`` the angle of robot k minus its angle in an even ring, robot k ends at an offset from
+    ``o_k + v_min T/r`` to ``o_k + v_max T/r``. The offsets of neighbours on the ring may differ by the tolerance, and
+    so those of any two robots by the tolerance times the steps between them. This must be possible for each pair::
+
+        T = r / (v_max - v_min) * max over i, k of (o_i - o_k - tolerance * steps from i to k)
 
     Args:
         angles: the robots' angles (..., N) [rad].
@@ -82,12 +87,16 @@ def equal_spacing_bound(angles: Array, clockwise: bool, radius: float, v_min: fl
         radius: of the circle [m].
         v_min: minimum speed on the circle [m/s].
         v_max: maximum speed [m/s].
+        tolerance: maximum difference of each gap from 2 pi / N [rad].
 
     Returns:
         T (...) [s].
     """
     n = angles.shape[-1]
     way = np.sort(np.mod(-angles if clockwise else angles, TWO_PI), axis=-1)
-    lead = np.arange(n) * (TWO_PI / n) - way
-    spread: Array = lead.max(axis=-1) - lead.min(axis=-1)
+    offset = way - np.arange(n) * (TWO_PI / n)
+    steps = abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    allowed = tolerance * np.minimum(steps, n - steps)
+    apart = offset[..., :, None] - offset[..., None, :] - allowed
+    spread: Array = apart.max(axis=(-2, -1))
     return spread * radius / (v_max - v_min)

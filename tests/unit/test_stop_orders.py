@@ -1,0 +1,413 @@
+"""Stop, resume and clear as an operator gives them: what is sent, what is taken for confirmed. Agents are stand-ins."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from basestation.fleet.state_store import StateStore
+from basestation.localization.sightings import Sighting, Sightings
+from basestation.station import Station
+from muro_zenoh import channels
+from muro_zenoh.channels import Role
+from muro_zenoh.cli import orders as commands
+from muro_zenoh.cli.main import main
+from muro_zenoh.config import BusSettings, parse_scenario
+from muro_zenoh.errors import NoReply
+from muro_zenoh.geometry import Pose2
+from muro_zenoh.messages import Health, StopOrder
+from muro_zenoh.orders.stop import StopStatus, resume_robots, stop_robots
+from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.safety.stop import StopLatch
+from muro_zenoh.transport import Bus, MemoryNetwork, Publisher, make_bus
+
+LAB = parse_scenario({"robots": 3, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
+
+
+@dataclass
+class Agent:
+    """Latches stops and reports them, as far as it is let."""
+
+    name: str
+    bus: Bus
+    deaf: bool = False
+    """It is alive, and reads nothing: frozen."""
+    reports: Publisher[Health] = field(init=False)
+    latch: StopLatch = StopLatch()
+
+    def __post_init__(self) -> None:
+        self.reports = self.bus.publisher(channels.HEALTH, self.name)
+        self.bus.announce(Role.AGENT, self.name)
+        self.report()
+        self.task = asyncio.create_task(self._run(), name=f"agent {self.name}")
+
+    def report(self, **changed: Any) -> None:
+        """Publish its health."""
+        latch = self.latch
+        said = {
+            "stop_latched": latch.stopped,
+            "stop_all": latch.everybody,
+            "stop_revision": max(latch.revision, 0),
+            **changed,
+        }
+        self.reports.put(Health(role="agent", state="x", **said))
+
+    async def _run(self) -> None:
+        async for received in self.bus.every(channels.STOP):
+            if self.deaf:
+                continue
+            order, before = received.message, self.latch
+            self.latch = before.hear(self.name, everybody=order.all, names=order.names, revision=order.revision)
+            if self.latch != before:
+                self.report()
+
+
+class Camera:
+    """Gives sightings that were made beforehand, and then no more."""
+
+    def __init__(self, sightings: tuple[Sightings, ...]) -> None:
+        self._sightings = sightings
+
+    async def __aiter__(self) -> AsyncIterator[Sightings]:
+        for each in self._sightings:
+            yield each
+        await asyncio.Event().wait()
+
+
+@dataclass
+class Lab:
+    """A network with an operator's bus, and another one that sees what the operator sends."""
+
+    stack: AsyncExitStack
+    network: MemoryNetwork
+    clock: VirtualClock
+    operator: Bus
+    observer: Bus
+
+    async def join(self, *roles: Role) -> Bus:
+        bus = make_bus(self.network.link(), roles=roles or channels.ALL_ROLES, clock=self.clock)
+        return await self.stack.enter_async_context(bus)
+
+    async def agents(self, *names: str, deaf: str = "") -> dict[str, Agent]:
+        there = {name: Agent(name, await self.join(Role.AGENT), name == deaf) for name in names}
+        self.stack.callback(lambda: [agent.task.cancel() for agent in there.values()])
+        await asyncio.sleep(0)
+        return there
+
+    async def base_station(self, *sightings: Sightings) -> StateStore:
+        """One that has listened to the robots, publishes, and has seen this."""
+        bus = await self.join(Role.BASESTATION)
+        station = Station(bus, LAB, None, [Camera(sightings)])
+        bus.announce(Role.BASESTATION, "basestation")
+        task = asyncio.create_task(station.run())
+
+        async def end() -> None:
+            task.cancel()
+            await asyncio.wait({task})
+
+        self.stack.push_async_callback(end)
+        await asyncio.sleep(2.0)
+        return station.store
+
+
+@asynccontextmanager
+async def lab() -> AsyncIterator[Lab]:
+    network, clock = MemoryNetwork(), VirtualClock()
+    async with AsyncExitStack() as stack:
+        operator = await stack.enter_async_context(make_bus(network.link(), roles=[Role.OPERATOR], clock=clock))
+        observer = await stack.enter_async_context(make_bus(network.link(), clock=clock))
+        yield Lab(stack, network, clock, operator, observer)
+
+
+Test = Callable[[Lab], Coroutine[Any, Any, None]]
+
+
+def virtual(test: Test) -> Callable[[], None]:
+    """A test in virtual time, on a lab of its own."""
+
+    async def within_lab() -> None:
+        async with lab() as there:
+            await test(there)
+
+    def run() -> None:
+        run_virtually(within_lab())
+
+    run.__name__, run.__doc__ = test.__name__, test.__doc__
+    return run
+
+
+# ---- what is sent
+
+
+@virtual
+async def test_a_stop_is_sent_at_once_and_for_half_a_second_again(there: Lab) -> None:
+    sent = there.observer.every(channels.STOP)
+    began = there.clock.now()
+    await stop_robots(there.operator, ())
+    orders = sent.drain()
+    assert [order.message.stamp - began for order in orders] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    assert all(order.message.all for order in orders)
+
+
+@virtual
+async def test_a_robot_that_connects_while_the_stop_is_given_hears_of_it(there: Lab) -> None:
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(0.45)
+    there.network._kept.clear()  # nothing but the repetition can tell it
+    late = await there.agents("r1")
+    assert (await stopping).robots == {"r1": StopStatus.STOPPED}
+    assert late["r1"].latch.everybody
+
+
+@pytest.mark.parametrize(
+    ("before", "names", "expected"),
+    [
+        (StopOrder(all=False, revision=7), ("r1",), (False, ("r1",), 7)),
+        (StopOrder(all=False, revision=7), (), (True, (), 7)),
+        (StopOrder(all=False, names=("r2", "r3"), revision=7), ("r1",), (False, ("r1", "r2", "r3"), 7)),
+        (StopOrder(all=False, names=("r2",), revision=7), (), (True, ("r2",), 7)),
+        (StopOrder(all=True, revision=7), ("r1",), (True, ("r1",), 7)),
+    ],
+)
+def test_a_stop_is_the_whole_state_with_what_was_stopped_before(
+    before: StopOrder, names: tuple[str, ...], expected: tuple[bool, tuple[str, ...], int]
+) -> None:
+    async def run() -> None:
+        async with lab() as there:
+            there.observer.publisher(channels.STOP).put(before)
+            sent = (await there.join()).every(channels.STOP)
+            sent.drain()  # what was kept
+            await stop_robots(there.operator, names)
+            orders = [order.message for order in sent.drain()]
+            assert len(orders) == 6
+            assert {(order.all, order.names, order.revision) for order in orders} == {expected}
+
+    run_virtually(run())
+
+
+@virtual
+async def test_who_knows_no_state_sends_revision_0_and_stops_only_those_named(there: Lab) -> None:
+    agents = await there.agents("r1", "r2")
+    result = await stop_robots(there.operator, ("r1",))
+    assert result.robots == {"r1": StopStatus.STOPPED}
+    assert (agents["r1"].latch.stopped, agents["r1"].latch.revision) == (True, 0)
+    assert not agents["r2"].latch.heard
+
+
+@virtual
+async def test_a_stop_by_name_after_one_to_everybody_lifts_nobodys(there: Lab) -> None:
+    agents = await there.agents("r1", "r2", "r3")
+    store = await there.base_station()
+    assert (await stop_robots(there.operator, ())).confirmed
+    assert (await stop_robots(there.operator, ("r1",))).confirmed
+    await asyncio.sleep(1.0)
+    assert store.stop.all
+    assert all(agent.latch.everybody for agent in agents.values())
+
+
+@virtual
+async def test_without_a_base_station_a_stop_by_name_lifts_nobodys_either(there: Lab) -> None:
+    agents = await there.agents("r1", "r2")
+    assert (await stop_robots(there.operator, ())).confirmed
+    assert (await stop_robots(await there.join(Role.OPERATOR), ("r1",))).confirmed
+    assert all(agent.latch.everybody for agent in agents.values())
+
+
+# ---- what is taken for confirmed
+
+
+@virtual
+async def test_only_who_reports_the_stop_has_stopped(there: Lab) -> None:
+    await there.agents("r1", "r2", deaf="r2")
+    await there.base_station()
+    began = there.clock.now()
+    result = await stop_robots(there.operator, ())
+    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.UNCONFIRMED}
+    assert not result.confirmed
+    assert there.clock.now() - began == pytest.approx(3.1, abs=0.05)  # it was waited for
+
+
+@virtual
+async def test_a_late_confirmation_counts(there: Lab) -> None:
+    agents = await there.agents("r1", deaf="r1")
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(2.5)
+    agents["r1"].report(stop_latched=True)
+    assert (await stopping).robots == {"r1": StopStatus.STOPPED}
+
+
+@virtual
+async def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(there: Lab) -> None:
+    """A frozen agent's lease expires while it is waited for."""
+    agents = await there.agents("r1", "r2", deaf="r2")
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(1.0)
+    agents["r2"].task.cancel()
+    await agents["r2"].bus.close()
+    result = await stopping
+    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
+    assert not result.confirmed
+
+
+@virtual
+async def test_where_nobody_is_alive_the_base_stations_answer_counts(there: Lab) -> None:
+    alone = await stop_robots(there.operator, ())
+    assert (alone.reply, alone.robots, alone.confirmed) == (None, {}, False)
+    store = await there.base_station()
+    assert (await stop_robots(there.operator, ())).confirmed
+    assert store.stop.all
+
+
+# ---- resume
+
+
+@virtual
+async def test_resume_names_who_still_reports_that_he_is_stopped(there: Lab) -> None:
+    agents = await there.agents("r1", "r2")
+    await there.base_station()
+    await stop_robots(there.operator, ())
+    agents["r2"].deaf = True  # frozen: it hears of no resume
+    result = await resume_robots(there.operator, ())
+    assert result.reply.accepted
+    assert result.still_stopped == ("r2",)
+    agents["r2"].deaf = False
+    await asyncio.sleep(1.0)
+    assert (await resume_robots(there.operator, ())).still_stopped == ()
+    assert all(agent.latch.may_drive for agent in agents.values())
+
+
+@virtual
+async def test_resume_of_one_waits_for_that_one_alone(there: Lab) -> None:
+    agents = await there.agents("r1", "r2")
+    store = await there.base_station()
+    await stop_robots(there.operator, ())
+    result = await resume_robots(there.operator, ("r2",))
+    assert (result.reply.accepted, result.still_stopped) == (True, ())
+    assert agents["r1"].latch.stopped
+    assert store.stop.names == ("r1", "r3")
+
+
+@virtual
+async def test_resume_without_a_base_station_is_refused(there: Lab) -> None:
+    agents = await there.agents("r1")
+    await stop_robots(there.operator, ())
+    with pytest.raises(NoReply, match=r"the base station is silent \(waited 1.5 s"):
+        await resume_robots(there.operator, ())
+    assert agents["r1"].latch.stopped
+
+
+@virtual
+async def test_a_stop_before_the_base_stations_first_start_is_not_lifted_by_it(there: Lab) -> None:
+    """Nobody had ever heard a state: the order, and what the robots latched, have revision 0."""
+    agents = await there.agents("r1", "r2")
+    assert (await stop_robots(there.operator, ())).confirmed
+    await there.operator.close()
+    store = await there.base_station()
+    assert store.stop.all
+    assert all(agent.latch.stopped for agent in agents.values())
+
+
+# ---- what is said, and the exit code
+
+
+def muro(*arguments: str, prepare: Test, monkeypatch: pytest.MonkeyPatch) -> Result:
+    """A command on the in-memory bus, in virtual time."""
+
+    def on_bus(command: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettings) -> None:
+        async def run() -> int:
+            async with lab() as there:
+                await prepare(there)
+                return await command(there.operator)
+
+        raise SystemExit(run_virtually(run()))
+
+    monkeypatch.setattr(commands, "on_bus", on_bus)
+    return CliRunner().invoke(main, arguments, prog_name="muro")
+
+
+def test_the_command_names_a_robot_that_does_not_confirm_and_exits_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        await there.agents("r1", "r2", deaf="r2")
+        await there.base_station()
+
+    done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
+    assert done.output == "base station: accepted, revision 3\nr1: has stopped\nr2: DOES NOT CONFIRM\n"
+    assert done.exit_code == 1
+
+
+def test_the_command_exits_with_0_when_everybody_has_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        await there.agents("r1", "r2")
+
+    done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
+    assert done.output == (
+        "base station: did not answer, so only the robots themselves keep this order\n"
+        "r1: has stopped\nr2: has stopped\n"
+    )
+    assert done.exit_code == 0
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_resume_says_who_is_still_stopped_and_exits_with_1(deaf: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        agents = await there.agents("r1", "r2")
+        await there.base_station()
+        await stop_robots(await there.join(Role.OPERATOR), ())
+        agents["r2"].deaf = deaf
+
+    done = muro("resume", prepare=prepare, monkeypatch=monkeypatch)
+    still = "r2: still reports that it is stopped\n" if deaf else ""
+    assert done.output == f"base station: accepted, revision 4\n{still}"
+    assert done.exit_code == (1 if deaf else 0)
+
+
+def test_resume_that_is_refused_exits_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        await there.base_station()
+
+    done = muro("resume", "r9", prepare=prepare, monkeypatch=monkeypatch)
+    assert done.output == "base station: refused: robot r9: expected names out of r1, r2, r3\n"
+    assert done.exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "code", "left"),
+    [
+        ("r1", "r1: forgotten, until a camera sees it again\n", 0, {"r2"}),
+        ("r3", "refused: robot r3 was never seen\n", 1, {"r1", "r2"}),
+    ],
+)
+def test_clear_forgets_where_a_robot_was_last_seen(
+    name: str, said: str, code: int, left: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: set[str] = set()
+
+    async def prepare(there: Lab) -> None:
+        robots = tuple(Sighting(n, Pose2(x, 0.0, 0.0), (1e-6,) * 9) for n, x in (("r1", 0.3), ("r2", -0.3)))
+        await there.base_station(Sightings(camera="north", captured=there.clock.now(), robots=robots))
+        positions = there.observer.latest(channels.ALL_POSITIONS)
+
+        async def look() -> None:
+            async for received in positions:
+                found.clear()
+                found.update(robot.name for robot in received.message.robots)
+
+        looking = asyncio.create_task(look())
+        there.stack.callback(looking.cancel)
+        await asyncio.sleep(0.5)
+        assert found == {"r1", "r2"}
+
+        async def linger() -> None:
+            await asyncio.sleep(0.5)  # the next snapshot
+
+        there.stack.push_async_callback(linger)
+
+    done = muro("clear", name, prepare=prepare, monkeypatch=monkeypatch)
+    assert (done.output, done.exit_code) == (said, code)
+    assert found == left
