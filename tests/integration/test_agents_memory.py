@@ -236,7 +236,8 @@ async def test_who_has_heard_no_stop_state_stands() -> None:
         await fleet.until(lambda: fleet.holds("r1", "no stop state received yet"), 2, "it says why")
         await asyncio.sleep(2.0)
         assert fleet.commanded("r1") == (0.0, 0.0)
-        assert fleet.healths["r1"].reasons == ("no stop state received yet",)  # all else is there
+        # All else is there.
+        assert fleet.healths["r1"].reasons == ("no stop state received yet: waiting for the base station",)
 
 
 @virtual
