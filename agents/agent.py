@@ -1,4 +1,4 @@
-"""The agent of one robot: opens the bus, and runs its tasks round one control loop."""
+"""The agent of one robot: opens the bus, and runs the tasks around one control loop."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Agent:
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:
-        """Run every task; one that crashes takes the others, and the agent, down."""
+        """Run all tasks; when one crashes, all are cancelled and the agent exits."""
         bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
         signals = Signals()
         answer_goals(bus, name, loop, self._runner, signals)

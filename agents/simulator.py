@@ -1,4 +1,4 @@
-"""The process that stands in for the room: all robots' bases on one plant, and the overhead cameras."""
+"""The process that simulates the room: all robots' bases on one plant, and the overhead cameras."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from muro_zenoh.transport import Bus, open_bus
 log = logging.getLogger(__name__)
 
 _SWITCH_INTERVAL = 0.0005
-"""A camera's thread gives the interpreter's lock back within this when the loop waits for it [s]; Python's default of
-5 ms would delay the dead-man and every command by as much."""
+"""A camera's thread releases the interpreter's lock within this time when the loop waits for it [s]; Python's default
+of 5 ms would delay the dead-man and every command by that much."""
 
 
 class Room:
@@ -36,8 +36,8 @@ class Room:
     Args:
         bus: the bus.
         scenario: the settings.
-        seed: draws starts, hidden drive errors and every noise.
-        executor: where the cameras render: with a thread for each, none waits for another.
+        seed: seed of starts, hidden drive errors and all noise.
+        executor: renders the cameras' pictures; with one thread per camera none waits for another.
 
     Raises:
         PlanningError: the robots do not fit into the arena.
@@ -117,7 +117,7 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
 
     Args:
         scenario: the settings.
-        seed: draws starts, hidden drive errors and every noise.
+        seed: seed of starts, hidden drive errors and all noise.
 
     Raises:
         NotConnected: no router answered.

@@ -1,4 +1,4 @@
-"""Says how the agent is: once a second, and at once when the robot starts or stops to drive."""
+"""Reports the agent's health once a second, and at once when the robot starts or stops driving."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ async def report_health(
     Args:
         bus: the bus.
         name: the robot's name.
-        loop: the control loop; its lists of measurements are emptied.
-        runner: the behaviour that runs.
-        signals: what wakes this task; its latencies are emptied.
+        loop: the control loop; its measurements are cleared.
+        runner: runs the behaviour.
+        signals: wakes this task; its latencies are cleared.
     """
     publisher = bus.publisher(channels.HEALTH, name)
     waiting = WaitingLog(log, "stationary", "no longer stationary")
