@@ -215,6 +215,21 @@ async def test_pursuit_holds_when_the_positions_are_silent() -> None:
 
 
 @virtual
+async def test_pursuit_drives_by_positions_0_45_s_old_and_not_by_those_older_than_0_55_s() -> None:
+    async with memory_fleet(scenario(2, "pursuit")) as fleet:
+        await fleet.until(lambda: len(fleet.driving) == 2, 3, "everybody drives")
+        await asyncio.sleep(2.0)
+        snapshots = (await fleet.bus()).latest(channels.ALL_POSITIONS)
+        last = await snapshots.next()
+        fleet.silence(channels.ALL_POSITIONS)
+        for age, driving in ((0.45, {"r1", "r2"}), (0.56, set())):  # an estimate comes every 0.05 s
+            await asyncio.sleep(age - last.age(fleet.clock.now()))
+            assert snapshots.get() == last  # there is no newer one
+            assert fleet.driving == driving, age
+        await fleet.until(lambda: fleet.holds("r1", "no positions for 0."), 0.2, "it says why, and how old they are")
+
+
+@virtual
 async def test_a_velocity_that_cannot_come_means_hold() -> None:
     """A robot alone, with no snapshot ever: pursuit chooses no speed, and path following invents none."""
     async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:
