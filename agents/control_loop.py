@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import math
-import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -29,6 +28,7 @@ from muro_zenoh.messages import (
     StopOrder,
     VelocityCommand,
 )
+from muro_zenoh.runtime.waiting import without_numbers
 from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
 from muro_zenoh.safety.stop import StopLatch
@@ -45,8 +45,6 @@ _INTENT_TIMEOUT = 0.25
 """An intent older than this is ignored [s]."""
 
 _FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
-
-_NUMBER = re.compile(r"[0-9.]+")
 
 
 class Surroundings(NamedTuple):
@@ -224,13 +222,15 @@ class ControlLoop:
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent = self._estimate, self._intent
+        # A behaviour that is asked at each estimate has not been asked before the first: what is missing is the pose.
+        asked = self._behaviour is None or estimate is not None
         reasons = reasons_to_hold(
             latch=self.latch,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
             fix_limit=channels.POSE.stale_after,
-            twist_age=now - self._intended,
+            twist_age=now - self._intended if asked else 0.0,
             twist_limit=_INTENT_TIMEOUT,
-            hold=intent.reason if intent.twist is None else "",
+            hold=intent.reason if asked and intent.twist is None else "",
         )
         command = STILL
         if not reasons and estimate is not None and intent.twist is not None:
@@ -241,17 +241,12 @@ class ControlLoop:
                 v_max=self._robot.v_max,
                 omega_max=self._robot.omega_max,
             )
-        self.changed |= _without_numbers(reasons) != _without_numbers(self.reasons)
+        self.changed |= without_numbers(reasons) != without_numbers(self.reasons)
         self.reasons = reasons
         self._sent = now
         self.commands += 1
         self._filter.command(now, command.v, command.omega)
         out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
-
-
-def _without_numbers(reasons: tuple[str, ...]) -> str:
-    """Reasons without the ages in them, which change at each estimate."""
-    return _NUMBER.sub("", "|".join(reasons)) if reasons else ""
 
 
 def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:

@@ -119,7 +119,7 @@ class Robot:
 
     @property
     def neighbours(self) -> tuple[Neighbour, ...]:
-        """All other robots as the cameras last saw them; none while no fresh snapshot is known.
+        """All other robots as the cameras last saw them, their ages up to now; none while no fresh snapshot is known.
 
         A robot that is not seen any more stays in it (``stale``, then ``lost``): it is an obstacle where it was.
         """

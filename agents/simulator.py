@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 import sys
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -17,9 +18,12 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready
+from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
+
+log = logging.getLogger(__name__)
 
 _SWITCH_INTERVAL = 0.0005
 """A camera's thread releases the interpreter's lock within this time when the loop waits for it [s]; Python's default
@@ -58,6 +62,7 @@ class Room:
         self._wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
+        self._bases = bus.latest(channels.BASE, "*", own_only=True)
 
     async def run(self) -> None:
         """Run bases, plant and cameras."""
@@ -80,9 +85,18 @@ class Room:
                 publisher.put(Truth(stamp=stamp, x=x, y=y, theta=theta, v=v, omega=omega))
 
     async def _report(self) -> None:
+        waiting = WaitingLog(log, "waiting", "every robot gets commands")
         while True:
-            self._health.put(Health(role="simulator", state="running", numbers=self._numbers()))
+            reasons = self._reasons()
+            waiting.note(self._bus.clock.now(), reasons)
+            state = "waiting" if reasons else "running"
+            self._health.put(Health(role="simulator", state=state, reasons=reasons, numbers=self._numbers()))
             await asyncio.sleep(channels.HEALTH.period)
+
+    def _reasons(self) -> tuple[str, ...]:
+        bases = self._bases.values()
+        silent = [name for name in self._wheels if name not in bases or bases[name].message.dead_man]
+        return (f"no commands for {' '.join(silent)}: waiting for their agents",) if silent else ()
 
     def _numbers(self) -> dict[str, float]:
         plant = self.plant

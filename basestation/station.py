@@ -47,7 +47,7 @@ class Station:
         self._positions = PositionsTask(bus, scenario.robots)
         self._kept = KeptStateTask(bus, self.store)
         self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
-        self._health = HealthTask(bus, self._kept, self._positions, scenario.robots)
+        self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))
 
     async def run(self) -> None:
         """Run all tasks. When one crashes, the base station exits, and the robots stop.

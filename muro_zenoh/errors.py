@@ -3,8 +3,9 @@
 ::
 
     MuroError                     anything this project raises on purpose; the CLI prints it without a traceback
-    ├── ConfigError               invalid settings
-    ├── ParameterError            an invalid parameter of a law or a behaviour, alone or with the others
+    ├── WrongValueError           an invalid value
+    │   ├── ConfigError           invalid settings
+    │   └── ParameterError        an invalid parameter of a law or a behaviour, alone or with the others
     ├── MessageError              bytes from the network that are not the message expected on their key
     ├── TransportError            an operation of the bus failed
     │   ├── NotConnected          no router answered at the given endpoints
@@ -23,31 +24,12 @@ class MuroError(Exception):
     """Anything this project raises on purpose."""
 
 
-class ConfigError(MuroError):
-    """Invalid settings.
+class WrongValueError(MuroError):
+    """An invalid value.
 
     Args:
-        where: the file and the full path of the key, such as ``fleet.toml: robot.r1.radius``.
-        got: the value found.
-        expected: the valid values.
-        hint: what to do next, where that is not obvious.
-    """
-
-    def __init__(self, where: str, *, got: str, expected: str, hint: str = "") -> None:
-        self.where = where
-        self.got = got
-        self.expected = expected
-        self.hint = hint
-        text = f"{where}: got {got}, expected {expected}"
-        super().__init__(f"{text}. {hint}" if hint else text)
-
-
-class ParameterError(MuroError, ValueError):
-    """An invalid parameter of a law or a behaviour, alone or in combination with the others.
-
-    Args:
-        what: the parameter, such as ``v_min``.
-        got: its value.
+        what: which value.
+        got: what it is.
         expected: the valid values.
         hint: what to do next, where that is not obvious.
     """
@@ -59,6 +41,15 @@ class ParameterError(MuroError, ValueError):
         self.hint = hint
         text = f"{what}: got {got}, expected {expected}"
         super().__init__(f"{text}. {hint}" if hint else text)
+
+
+class ConfigError(WrongValueError):
+    """Settings that are wrong or impossible; ``what`` is the file with the full path of the key, such as
+    ``fleet.toml: robot.r1.radius``."""
+
+
+class ParameterError(WrongValueError, ValueError):
+    """A parameter of a law or a behaviour that makes no sense, or does not fit the others; ``what`` is its name."""
 
 
 class MessageError(MuroError):

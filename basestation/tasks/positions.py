@@ -26,6 +26,7 @@ class PositionsTask:
         frames: number of frames that arrived in time, good or bad.
         bad_frames: number of them that could not be used.
         stale_frames: number of frames that arrived too late.
+        received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
         complaints: problems in the newest frame of each camera, by the camera's name.
     """
 
@@ -33,6 +34,7 @@ class PositionsTask:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
+        self.heard: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
         self._clock = bus.clock
         self._table = FleetTable()
@@ -59,6 +61,14 @@ class PositionsTask:
                 silent = 0.0
             await asyncio.sleep(_LONGEST_PERIOD - silent)
 
+    def was_seen(self, name: str) -> bool:
+        """Whether a camera ever saw a robot, since it was last cleared.
+
+        Args:
+            name: of the robot.
+        """
+        return self._table.knows(name)
+
     def clear(self, name: str) -> bool:
         """Forget a robot's last position.
 
@@ -72,6 +82,7 @@ class PositionsTask:
         return self._table.clear(name)
 
     def _take(self, sightings: Sightings) -> None:
+        self.heard[sightings.camera] = self._clock.now()
         self.complaints[sightings.camera] = sightings.complaints
         if sightings.frame == "stale":
             self.stale_frames += 1

@@ -227,8 +227,10 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         goals = self.goals.get(name)
+        if not goals or ":" in self.behaviour.name:  # a user's own is loaded where it runs
+            return self.behaviour
         kind = table.find(self.behaviour.name)
-        if not goals or not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
+        if not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
             return self.behaviour
         return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
 

@@ -6,7 +6,6 @@ import importlib.util
 from pathlib import Path
 
 import muro_zenoh
-from agents.base.table import check_base
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config import Scenario, check_behaviour
 from muro_zenoh.errors import ConfigError
@@ -41,6 +40,8 @@ def check_can_run(scenario: Scenario, file: str) -> None:
     Raises:
         ConfigError: no camera, no such wheels or behaviour, or invalid parameters.
     """
+    from agents.base.table import check_base  # first it must be known whose package that is
+
     behaviour = scenario.behaviour
     if not scenario.camera and behaviour.name != DEFAULT:
         raise ConfigError(

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -34,21 +34,10 @@ from muro_zenoh.messages import (
 )
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+from tests.support.virtual import virtual
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
-
-Test = Callable[[], Coroutine[Any, Any, None]]
-
-
-def virtual(test: Test) -> Callable[[], None]:
-    """A test that runs in virtual time."""
-
-    def run() -> None:
-        run_virtually(test())
-
-    run.__name__, run.__doc__ = test.__name__, test.__doc__
-    return run
 
 
 @contextlib.asynccontextmanager
@@ -247,7 +236,8 @@ async def test_who_has_heard_no_stop_state_stands() -> None:
         await fleet.until(lambda: fleet.holds("r1", "no stop state received yet"), 2, "it says why")
         await asyncio.sleep(2.0)
         assert fleet.commanded("r1") == (0.0, 0.0)
-        assert fleet.healths["r1"].reasons == ("no stop state received yet",)  # all else is there
+        # All else is there.
+        assert fleet.healths["r1"].reasons == ("no stop state received yet: waiting for the base station",)
 
 
 @virtual

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import Callable
 
 from muro_zenoh import channels
 from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour
-from muro_zenoh.runtime.virtual_time import run_virtually
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Bus
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
-
-Test = Callable[[], Coroutine[Any, Any, None]]
-
-
-def virtual(test: Test) -> Callable[[], None]:
-    """A test that runs in virtual time."""
-
-    def run() -> None:
-        run_virtually(test())
-
-    run.__name__, run.__doc__ = test.__name__, test.__doc__
-    return run
+from tests.support.virtual import virtual
 
 
 def distance(fleet: MemoryFleet, x: float, y: float, robot: int = 0) -> float:

@@ -212,7 +212,7 @@ async def test_robots_are_seen_when_they_were_in_any_snapshot(lab: Lab) -> None:
 
 
 async def test_the_largest_command_of_all_is_kept() -> None:
-    """Of every robot, over its own limits, forwards and backwards; r1 may do 0.5 m/s and 1.5 rad/s."""
+    """Of every robot, over its limits of 0.5 m/s and 1.5 rad/s, forwards and backwards, driving and turning."""
     scenario = find_scenario("pursuit", 2, {"checks.command_ratio": 1.0, "all.v_max": 0.5})
     network, clock = MemoryNetwork(), ManualClock()
     async with make_bus(network.link(), "muro", clock=clock) as bus, make_bus(network.link(), "muro") as other:

@@ -80,7 +80,9 @@ def test_zero_is_repeated_where_there_was_never_a_pose() -> None:
     assert commands(loop.update(T0, [], [], NOTHING)) == [(0.0, 0.0)]
     assert commands(loop.update(T0 + 0.09, [], [], NOTHING)) == []
     assert commands(loop.update(T0 + 0.11, [], [], NOTHING)) == [(0.0, 0.0)]
-    assert loop.reasons[:2] == ("no stop state received yet", "no pose yet")
+    stop, pose = loop.reasons[:2]
+    assert stop.startswith("no stop state received yet")
+    assert pose.startswith("no pose yet")
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,11 @@ GRID = st.builds(lambda x, y, turn: Pose2(0.15 * x, 0.15 * y, math.pi / 12 * tur
 @example(start=Pose2(1.35, -0.75, math.pi), goal=Pose2(0.75, -0.15, math.pi))  # the circles touch, but for rounding
 @example(start=Pose2(0.0, 0.0, 0.0), goal=Pose2(1.5, 0.0, 0.0))
 def test_backwards_in_time_it_is_as_long(start: Pose2, goal: Pose2) -> None:
-    assert reversed_length(start, goal) == pytest.approx(plan(start, goal, RADIUS).length, abs=1e-6)
+    path = plan(start, goal, RADIUS)
+    assert_same(path.end, goal, 3e-8)
+    assert reversed_length(start, goal) == pytest.approx(path.length, abs=1e-6)
+    words = all_words(np.array(start), np.array(goal), RADIUS)
+    assert words.size.min() * RADIUS == pytest.approx(path.length, abs=1e-6)
 
 
 @pytest.mark.parametrize("pairs", [random_pairs(3_000, 3.0, 5), close_pairs(3_000, 6)], ids=["random", "close"])

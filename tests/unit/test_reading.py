@@ -153,7 +153,7 @@ def test_the_element_of_an_array_is_where_the_array_is() -> None:
 def test_an_error_keeps_its_parts() -> None:
     with pytest.raises(ConfigError) as caught:
         read(Parameters, v_min=0.5)
-    assert caught.value.where == "lab.toml: behaviour.v_min"
+    assert caught.value.what == "lab.toml: behaviour.v_min"
     assert (caught.value.got, caught.value.expected) == ("0.5", "at most v_max, 0.4")
 
 
