@@ -334,7 +334,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
     [
         ("fly", {}, "got 'fly', expected one of circle, coverage"),
         ("nolab.swarm:flock", {}, "No module named 'nolab'"),
-        ("circle", {"sped": 0.2}, "behaviour.sped: got a key that nothing reads"),
+        ("circle", {"sped": 0.2}, "behaviour.sped: got an unknown key"),
         ("circle", {"speed": "fast"}, "behaviour.speed: got 'fast' (text), expected a number at least 0"),
         ("circle", {"speed": -0.1}, "behaviour.speed: got -0.1"),
         ("circle", {"law": "magic"}, "magic"),
@@ -346,7 +346,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
         ("dubins", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
         ("steer", {"reverse_from": 0.1}, "behaviour.reverse_from: got 0.1"),
         ("coverage", {"peaks": ((0.5, 0.5),)}, "behaviour.peaks[0]: got 2 numbers"),
-        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got a key that nothing reads"),
+        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got an unknown key"),
     ],
 )
 def test_a_wrong_behaviour_is_refused_and_leaves_a_robot_standing_that_gets_it_all_the_same(
