@@ -1,4 +1,4 @@
-"""How the base station is: report once a second, and leave when another base station was here before."""
+"""The base station's health: report once a second, and exit when another base station was here first."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CAMERA_SILENT = 1.0
 """A camera whose newest frame came longer ago than this is missing [s]."""
 
 _OTHER_GONE = 3.0
-"""Another base station that has been silent for longer is gone [s]."""
+"""Another base station without a report for this time is gone [s]."""
 
 
 class HealthTask:
@@ -76,7 +76,7 @@ class HealthTask:
     def _reasons(self) -> tuple[str, ...]:
         now, reasons = self._bus.clock.now(), []
         if now - self._other_seen < _OTHER_GONE:
-            reasons.append("another base station is running: end one of them")
+            reasons.append("another base station is running: stop one of them")
         alive = self._roster.of(Role.AGENT)
         reasons += [f"no agent of {name}" for name in self._robots if name not in alive]
         reasons += self._missing_sightings(now)
@@ -100,10 +100,10 @@ class HealthTask:
         return missing
 
     async def be_the_only_one(self) -> None:
-        """Two base stations would publish different states in turn: the one that comes later leaves.
+        """Two base stations would publish different states in turn: the one that was started later exits.
 
         Raises:
-            TransportError: this one has come later.
+            TransportError: this one was started later.
         """
         async for received in self._reports:
             other = received.message
@@ -112,6 +112,6 @@ class HealthTask:
             if not self._kept.adopted and (other.state == _RUNNING or other.epoch < self._bus.epoch):
                 raise TransportError(
                     f"realm {self._bus.realm}: got another base station on this router, expected to be the only one. "
-                    "End the other one first, or give this lab a [bus] realm of its own"
+                    "Stop the other one first, or set another [bus] realm for this lab"
                 )
             self._other_seen = self._bus.clock.now()

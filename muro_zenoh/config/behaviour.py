@@ -1,4 +1,4 @@
-"""A behaviour's settings: read into its own parameters, and refused where they are given when no robot could obey."""
+"""A behaviour's settings: read into its parameters, and refused early when no robot could run it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def read_parameters(kind: BehaviourKind, parameters: Mapping[str, Any], where: s
         where: the file or order that they come from, for errors.
 
     Raises:
-        ConfigError: a wrong key, type or range, or values that do not fit together.
+        ConfigError: a wrong key, type or range, or inconsistent values.
     """
     return parameters_as(kind.parameters, parameters, where)
 
@@ -52,14 +52,14 @@ def make_behaviour(
     """The behaviour of one robot.
 
     Args:
-        kind: which behaviour.
+        kind: the behaviour's row of the table.
         parameters: values by key.
         vehicle: the robot.
         where: the file or order that they come from, for errors.
 
     Raises:
-        ConfigError: parameters that are wrong, or that do not fit the robot.
-        BehaviourError: a function that the parameters name cannot be loaded.
+        ConfigError: invalid parameters, or parameters that do not fit the robot.
+        BehaviourError: a function named in the parameters cannot be loaded.
     """
     checked = read_parameters(kind, parameters, where)
     try:
@@ -71,10 +71,10 @@ def make_behaviour(
 def check_settings(
     name: str, parameters: Mapping[str, Any], where: str | Origin, fleet: Sequence[Vehicle], circle: Circle
 ) -> None:
-    """Refuse wrong parameters, and what a fleet cannot do on a circle; nothing of a user's own is loaded.
+    """Refuse invalid parameters, and a behaviour that the fleet cannot run on the circle. No user code is loaded.
 
     Args:
-        name: of the behaviour; a user's own is not looked at.
+        name: of the behaviour; a user's own is not checked.
         parameters: values by key.
         where: the file or order that they come from, for errors.
         fleet: the robots that are to do it.
@@ -95,11 +95,11 @@ def check_settings(
 
 
 def check_behaviour(name: str, parameters: Mapping[str, Any], where: str | Origin, fleet: Sequence[Vehicle]) -> None:
-    """Refuse, before anything starts, what no robot could do: everything is loaded as on the robots.
+    """Refuse, before anything starts, a behaviour that no robot could run. User code is loaded as on the robots.
 
     Args:
         name: of the behaviour.
-        parameters: values by key; those of a user's own behaviour are its own affair.
+        parameters: values by key; those of a user's own behaviour are not checked.
         where: the file or order that names it, for errors.
         fleet: the robots that are to do it.
 

@@ -48,10 +48,10 @@ def load_scenario(
     """Read a scenario, or a fleet file, and check it.
 
     Args:
-        path: the TOML file, or the JSON file that was made of :func:`as_table` for the processes of a run.
-        robots: how many robots to use: the first ones of the file, or as many made from ``[all]``.
-        overrides: values by full key, such as ``{"circle.radius": 1.0}``, which take the place of the file's.
-        name: what to call it; by default the file's name without its ending.
+        path: the TOML file, or the JSON file written from :func:`as_table` for the processes of a run.
+        robots: number of robots: the first ones of the file, or as many made from ``[all]``.
+        overrides: values by full key, such as ``{"circle.radius": 1.0}``, which override the file's.
+        name: the scenario's name; by default the file's name without its ending.
 
     Raises:
         ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
@@ -68,9 +68,9 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
 
     Args:
         table: the parsed file.
-        file: its name, or which key came from which file, for errors.
-        name: what to call the scenario.
-        robots: how many robots to use.
+        file: its name, or the origin of each key, for errors.
+        name: the scenario's name.
+        robots: number of robots.
 
     Raises:
         ConfigError: as for :func:`load_scenario`.
@@ -102,7 +102,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
 
 
 def as_table(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as a table that :func:`parse_scenario` takes; how it is handed to the processes of a run."""
+    """The scenario as a table for :func:`parse_scenario`, to pass it to the processes of a run."""
     table: dict[str, Any] = msgspec.to_builtins(scenario)
     table.pop("name")
     behaviour = table.pop("behaviour")
@@ -122,11 +122,13 @@ def _name(name: str, origin: Origin, path: str) -> str:
 def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, RobotSettings]:
     common = dict(_table(table, "all", origin))
     if "tag" in common:
-        raise ConfigError(origin.at("all.tag"), got=show(common["tag"]), expected="no tag here: each robot has its own")
-    read_section(RobotSettings, common, origin, "all")  # so that an error there is named there
+        raise ConfigError(
+            origin.at("all.tag"), got=show(common["tag"]), expected="no tag in [all], because each robot has its own"
+        )
+    read_section(RobotSettings, common, origin, "all")  # so that an error in [all] is reported there
     given = _table(table, "robot", origin)
     if given and "robots" in table:
-        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="one or the other")
+        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="only one of the two")
     if wanted is None and "robots" in table:
         wanted = read_value(Annotated[int, Quantity(at_least=1, whole=True)], table["robots"], origin, "robots")
     if given:

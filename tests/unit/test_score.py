@@ -421,7 +421,7 @@ def test_the_summary_of_a_quiet_run_says_nothing_of_stops_and_failures() -> None
 @pytest.mark.parametrize(
     ("changes", "checks", "line"),
     [
-        ({}, Checks(), "nothing was checked: the scenario sets no [checks]"),
+        ({}, Checks(), "nothing was checked: the scenario has no [checks]"),
         ({"ended": "failed"}, ALL_CHECKS, "NOT PASSED (failed)"),
         ({"ended": "interrupted"}, Checks(), "NOT PASSED (interrupted; nothing was checked)"),
         ({"collisions": 2, "command_ratio": 1.1}, ALL_CHECKS, "NOT PASSED (collisions, command_ratio not met)"),
@@ -441,7 +441,7 @@ def test_the_summary_says_what_kept_robots_from_driving() -> None:
     seen = observed(samples=samples, seen={"r1"}, failures={"r2": "behaviour lab:swim: out of water"})
     lines = [" ".join(line.split()) for line in summary(score_run(seen, ALL_CHECKS)).splitlines()]
     assert "stop order r1 for 12.4 s" in lines
-    assert "never seen r2 r3: no camera saw them" in lines
+    assert "never seen r2 r3 (by any camera)" in lines
     assert "r2: behaviour lab:swim: out of water" in lines
 
 

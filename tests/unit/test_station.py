@@ -154,7 +154,7 @@ def test_of_two_base_stations_the_second_leaves() -> None:
             assert len({received.message.epoch for received in stops.drain()}) == 1
             newest = health.get()
             assert newest is not None
-            assert "another base station is running: end one of them" in newest.message.reasons
+            assert "another base station is running: stop one of them" in newest.message.reasons
 
     run_virtually(main())
 
