@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from muro_zenoh.figures.catalogue import FIGURES
 from muro_zenoh.figures.canvas import style
+from muro_zenoh.figures.catalogue import FIGURES
 from muro_zenoh.figures.simulation import Effort
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 
-from matplotlib.axes import Axes  # noqa: E402 - after it is known to be there
-from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 # As long as the published ones where curves hang on it, with few starts.
 EFFORT = Effort(starts=4, trials=2, share=1.0)
@@ -106,7 +106,7 @@ def curves(axes: Axes) -> Iterator[np.ndarray]:
     """The lines that can be seen as such (n, 2): two points within view, at two places."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     for line in axes.lines:
-        if len(line.get_xdata()) <= 2 or line.get_linestyle() == "None" and line.get_marker() != ".":
+        if len(line.get_xdata()) <= 2 or (line.get_linestyle() == "None" and line.get_marker() != "."):
             continue
         x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
         seen = (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
