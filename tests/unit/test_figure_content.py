@@ -74,7 +74,7 @@ PARTS: dict[str, list[Part]] = {
     ],
     "pursuit_settling": [
         Part("time [s]", "spacing error [rad]", (0.0, 60.0), (0.01, 7.0), curves=3),
-        Part("time to 0.1 rad / least time [-]", "share of the trials [-]", (0.8, 8.0), (0.0, 1.0), curves=6),
+        Part("time to 0.1 rad / lower bound [-]", "share of the trials [-]", (0.8, 8.0), (0.0, 1.0), curves=6),
     ],
     "importance_density": [
         Part("angle on the circle [rad]", label, (0.0, 2 * math.pi), (0.0, 1.75), curves=1, bars=36)
