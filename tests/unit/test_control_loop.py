@@ -350,7 +350,7 @@ def test_a_pose_that_grows_older_is_not_reported_at_each_estimate() -> None:
 def test_after_the_last_command_there_is_none() -> None:
     loop = free(Forward())
     assert commands(loop.end(T0)) == [(0.0, 0.0)]
-    assert loop.reasons == ("the agent is leaving",)
+    assert loop.reasons == ("the agent is shutting down",)
     assert loop.update(T0 + 0.2, [(T0 + 0.2, fix())], [], NOTHING) == []
     assert loop.want(T0 + 0.2, FORWARD) == []
     assert loop.take_stop(T0 + 0.2, StopOrder(all=True, revision=9)) == []
