@@ -103,6 +103,11 @@ def test_a_revision_that_no_count_can_reach_stops_but_lifts_nothing_and_is_not_r
     assert hear(stopped, 6).may_drive  # the base station can lift it
 
 
+def test_a_revision_that_no_count_can_reach_is_no_state_of_the_lab_either() -> None:
+    assert not hear(StopLatch(), 2**53 + 1).heard
+    assert hear(StopLatch(), 2**53).revision == 2**53
+
+
 def test_a_newer_order_that_names_some_is_no_order_to_everybody_any_more() -> None:
     # `muro stop`, then `muro resume r2`: said to be one to everybody, the base station would take it over as that.
     latch = hear(hear(FREE, 6, everybody=True), 7, "r1", "r3")
