@@ -139,7 +139,7 @@ async def test_what_cannot_be_is_refused_by_a_running_base_station_with_the_reas
             ("circle --radius 9", "circle.radius: got 9 m"),
             ("behaviour pursuit v_min=0.5 v_max=0.1", "v_m"),
             ("behaviour dubins v_min=0.5", "behaviour.v_min: got 0.5"),
-            ("behaviour circle sped=0.1", "behaviour.sped: got a key that nothing reads"),
+            ("behaviour circle sped=0.1", "behaviour.sped: got an unknown key"),
             ("behaviour circle speed=fast", "behaviour.speed: got 'fast' (text), expected a number"),
             ("behaviour fly", "got 'fly', expected one of circle, coverage"),
         ):
@@ -158,7 +158,7 @@ async def test_what_cannot_be_is_refused_by_a_running_base_station_with_the_reas
     ("line", "reason"),
     [
         ("dubins --set behaviour.v_min=0.5", "behaviour.v_min: got 0.5"),
-        ("dubins --set behaviour.vmin=0.1", "behaviour.vmin: got a key that nothing reads"),
+        ("dubins --set behaviour.vmin=0.1", "behaviour.vmin: got an unknown key"),
         ("pursuit --set circle.radius=0.2", "circle.radius: got 5 robots on a circle of 0.2 m"),
         ("pursuit --set behaviour.name=fly", "got 'fly', expected one of circle, coverage"),
         ("pursuit --set behaviour.name=nolab:swim", "No module named 'nolab'"),
@@ -222,7 +222,7 @@ def test_a_stop_and_a_robot_without_a_tag_are_on_the_sheet() -> None:
         done = muro("stop", "r1", "--connect", endpoint)
         assert done.returncode == 0, done.stdout + done.stderr
         run.line("  stop order          r1 for ", 30)
-        run.line("  never seen          r2: no camera saw them", 5)
+        run.line("  never seen          r2 (by any camera)", 5)
         assert run.wait(10) == 0
     sheet = json.loads(Path("r.json").read_text())
     assert 0.0 < sheet["stopped_s"]["r1"] < 7.0
