@@ -11,7 +11,7 @@ from hypothesis import settings
 
 # A busy machine is no failure: how long an example takes says more of its neighbours than of the law.
 settings.register_profile("muro", deadline=None)
-# In CI a failure must come of the change that is tested, so the examples are the same each time. Elsewhere they are new.
+# In CI a failure must come of the change that is tested: the examples are the same each time. Elsewhere they are new.
 settings.register_profile("muro-ci", deadline=None, derandomize=True)
 settings.load_profile("muro-ci" if os.environ.get("CI", "").lower() == "true" else "muro")
 

@@ -60,7 +60,7 @@ class StopLatch:
     def reason(self) -> str:
         """Why driving is not allowed; empty when it is."""
         if not self.heard:
-            return "no stop state received yet"
+            return "no stop state received yet: waiting for the base station"
         if self.stopped:
             return "stopped by order (all robots)" if self.everybody else "stopped by order"
         return ""

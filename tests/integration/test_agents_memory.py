@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -34,21 +34,10 @@ from muro_zenoh.messages import (
 )
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+from tests.support.virtual import virtual
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
-
-Test = Callable[[], Coroutine[Any, Any, None]]
-
-
-def virtual(test: Test) -> Callable[[], None]:
-    """A test that runs in virtual time."""
-
-    def run() -> None:
-        run_virtually(test())
-
-    run.__name__, run.__doc__ = test.__name__, test.__doc__
-    return run
 
 
 @contextlib.asynccontextmanager
@@ -226,6 +215,21 @@ async def test_pursuit_holds_when_the_positions_are_silent() -> None:
 
 
 @virtual
+async def test_pursuit_drives_by_positions_0_45_s_old_and_not_by_those_older_than_0_55_s() -> None:
+    async with memory_fleet(scenario(2, "pursuit")) as fleet:
+        await fleet.until(lambda: len(fleet.driving) == 2, 3, "everybody drives")
+        await asyncio.sleep(2.0)
+        snapshots = (await fleet.bus()).latest(channels.ALL_POSITIONS)
+        last = await snapshots.next()
+        fleet.silence(channels.ALL_POSITIONS)
+        for age, driving in ((0.45, {"r1", "r2"}), (0.56, set())):  # an estimate comes every 0.05 s
+            await asyncio.sleep(age - last.age(fleet.clock.now()))
+            assert snapshots.get() == last  # there is no newer one
+            assert fleet.driving == driving, age
+        await fleet.until(lambda: fleet.holds("r1", "no positions for 0."), 0.2, "it says why, and how old they are")
+
+
+@virtual
 async def test_a_velocity_that_cannot_come_means_hold() -> None:
     """A robot alone, with no snapshot ever: pursuit chooses no speed, and path following invents none."""
     async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:
@@ -247,7 +251,8 @@ async def test_who_has_heard_no_stop_state_stands() -> None:
         await fleet.until(lambda: fleet.holds("r1", "no stop state received yet"), 2, "it says why")
         await asyncio.sleep(2.0)
         assert fleet.commanded("r1") == (0.0, 0.0)
-        assert fleet.healths["r1"].reasons == ("no stop state received yet",)  # all else is there
+        # All else is there.
+        assert fleet.healths["r1"].reasons == ("no stop state received yet: waiting for the base station",)
 
 
 @virtual
@@ -329,7 +334,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
     [
         ("fly", {}, "got 'fly', expected one of circle, coverage"),
         ("nolab.swarm:flock", {}, "No module named 'nolab'"),
-        ("circle", {"sped": 0.2}, "behaviour.sped: got a key that nothing reads"),
+        ("circle", {"sped": 0.2}, "behaviour.sped: got an unknown key"),
         ("circle", {"speed": "fast"}, "behaviour.speed: got 'fast' (text), expected a number at least 0"),
         ("circle", {"speed": -0.1}, "behaviour.speed: got -0.1"),
         ("circle", {"law": "magic"}, "magic"),
@@ -341,7 +346,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
         ("dubins", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
         ("steer", {"reverse_from": 0.1}, "behaviour.reverse_from: got 0.1"),
         ("coverage", {"peaks": ((0.5, 0.5),)}, "behaviour.peaks[0]: got 2 numbers"),
-        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got a key that nothing reads"),
+        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got an unknown key"),
     ],
 )
 def test_a_wrong_behaviour_is_refused_and_leaves_a_robot_standing_that_gets_it_all_the_same(

@@ -120,11 +120,11 @@ def test_any_scenario_can_be_handed_to_a_process(
 # ---- what is wrong
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"colour": 1}, "lab.toml: colour: got a key that nothing reads, expected one of fleet,"),
+    ({"colour": 1}, "lab.toml: colour: got an unknown key, expected one of fleet,"),
     ({"circel": {}}, "Did you mean circle?"),
     (
         {"circle": {"raduis": 1.0}},
-        "lab.toml: circle.raduis: got a key that nothing reads, expected one of x, y",
+        "lab.toml: circle.raduis: got an unknown key, expected one of x, y",
     ),
     ({"circle": {"raduis": 1.0}}, "Did you mean radius?"),
     ({"circle": {"radius": "0.8 m"}}, "lab.toml: circle.radius: got '0.8 m' (text), expected a number above 0 [m]"),
@@ -147,7 +147,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"robot": {"r1": 4}}, "lab.toml: robot.r1: got 4 (integer), expected a table [robot.r1]"),
     ({"robot": [1]}, "lab.toml: robot: got [1] (array), expected a table [robot]"),
     ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number above 0 [m]"),
-    ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag here"),
+    ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag in [all]"),
     ({"robots": 0}, "lab.toml: robots: got 0 (integer), expected a whole number at least 1"),
     ({"robots": 2, "robot": {"r1": {}}}, "lab.toml: robots: got a number besides [robot.*]"),
     ({"camera": {"north": {"rate": 0}}}, "lab.toml: camera.north.rate: got 0 (integer), expected a number above 0"),
@@ -197,11 +197,11 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "an arena without height": ({"arena": {"y_min": 1.5}}, "lab.toml: arena: got"),
     "two robots with one tag": (
         {"robot": {"r1": {"tag": 3}, "r2": {"tag": 3}}},
-        "lab.toml: robot.r2.tag: got 3, which robot r1 carries too, expected a tag of its own",
+        "lab.toml: robot.r2.tag: got 3, which robot r1 has too, expected a unique tag",
     ),
     "a robot that no camera can see": (
         {"camera": {"north": {}}, "robot": {"r1": {}}},
-        "lab.toml: robot.r1.tag: got no tag, expected the id of the tag it carries",
+        "lab.toml: robot.r1.tag: got no tag, expected the id of its tag",
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
@@ -277,7 +277,7 @@ def test_an_error_names_the_file_of_the_key(tmp_path: Path) -> None:
         ("radius = ", r"run\.toml: got .*, expected TOML"),
         ('fleet = "gone.toml"', r"gone\.toml: got no such file, expected a TOML file"),
         ("fleet = 3", r"run\.toml: fleet: got 3 \(integer\), expected text"),
-        ('fleet = "run.toml"', r"run\.toml: fleet: got 'run.toml' \(text\), expected no fleet in a fleet file"),
+        ('fleet = "run.toml"', r"run\.toml: fleet: got 'run.toml' \(text\), expected no key fleet in a fleet file"),
         ("\x00", r"run\.toml: got .*, expected TOML"),
     ],
 )

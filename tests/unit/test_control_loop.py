@@ -93,7 +93,9 @@ def test_zero_is_repeated_where_there_was_never_a_pose() -> None:
     assert commands(loop.update(T0, [], [], NOTHING)) == [(0.0, 0.0)]
     assert commands(loop.update(T0 + 0.09, [], [], NOTHING)) == []
     assert commands(loop.update(T0 + 0.11, [], [], NOTHING)) == [(0.0, 0.0)]
-    assert loop.reasons[:2] == ("no stop state received yet", "no pose yet")
+    stop, pose = loop.reasons[:2]
+    assert stop.startswith("no stop state received yet")
+    assert pose.startswith("no pose yet")
 
 
 @pytest.mark.parametrize(
@@ -348,7 +350,7 @@ def test_a_pose_that_grows_older_is_not_reported_at_each_estimate() -> None:
 def test_after_the_last_command_there_is_none() -> None:
     loop = free(Forward())
     assert commands(loop.end(T0)) == [(0.0, 0.0)]
-    assert loop.reasons == ("the agent is leaving",)
+    assert loop.reasons == ("the agent is shutting down",)
     assert loop.update(T0 + 0.2, [(T0 + 0.2, fix())], [], NOTHING) == []
     assert loop.want(T0 + 0.2, FORWARD) == []
     assert loop.take_stop(T0 + 0.2, StopOrder(all=True, revision=9)) == []

@@ -128,14 +128,14 @@ class TestRefusals:
         ("views", "problem"),
         [
             (straight_down_view(Bounds(0, 4, 0, 3), 640, 480)[:3], "3 points"),
-            ([View(10 * i, 20 * i, 0.1 * i, 0.2 * i) for i in range(6)], "in a line"),
-            ([View(5, 5, 1, 1)] * 4, "in a line"),
+            ([View(10 * i, 20 * i, 0.1 * i, 0.2 * i) for i in range(6)], "collinear"),
+            ([View(5, 5, 1, 1)] * 4, "collinear"),
             # Three of four in a line.
-            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(200, 0, 2, 0), View(0, 100, 0, -1)], "in a line"),
+            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(200, 0, 2, 0), View(0, 100, 0, -1)], "collinear"),
             # In a line on the floor, yet not in the picture.
-            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(150, 90, 2, 0), View(0, 100, 3, 0)], "in a line"),
+            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(150, 90, 2, 0), View(0, 100, 3, 0)], "collinear"),
             # Nearly so: a tenth of a pixel decides.
-            ([View(0, 0, 0, 0), View(500, 0.05, 1, 0), View(1000, 0, 2, 0), View(500, 500, 1, -1)], "in a line"),
+            ([View(0, 0, 0, 0), View(500, 0.05, 1, 0), View(1000, 0, 2, 0), View(500, 500, 1, -1)], "collinear"),
             ([View(math.nan, 0, 0, 0), *straight_down_view(Bounds(0, 4, 0, 3), 640, 480)], "nan"),
         ],
     )

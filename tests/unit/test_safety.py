@@ -33,7 +33,7 @@ orders = st.lists(
 def test_who_heard_nothing_stands() -> None:
     latch = StopLatch()
     assert not latch.may_drive
-    assert latch.reason == "no stop state received yet"
+    assert latch.reason == "no stop state received yet: waiting for the base station"
 
 
 @pytest.mark.parametrize("revision", [1, 5])
@@ -152,7 +152,12 @@ def test_a_fresh_robot_may_drive() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fix_age", "reason"), [(math.inf, "no pose yet"), (0.5, "no pose for 0.5 s"), (math.nan, "no pose for nan s")]
+    ("fix_age", "reason"),
+    [
+        (math.inf, "no pose yet: waiting for a camera to see this robot"),
+        (0.5, "no pose for 0.5 s"),
+        (math.nan, "no pose for nan s"),
+    ],
 )
 def test_a_stale_pose_stands(fix_age: float, reason: str) -> None:
     assert stand(fix_age=fix_age) == (reason,)

@@ -166,6 +166,32 @@ async def test_a_behaviour_order_without_names_is_for_everybody() -> None:
     assert {kept.behaviour(name).behaviour for name in ("r1", "r2", "r3")} == {"hold"}
 
 
+async def test_a_behaviour_has_the_revision_of_its_own_order(tmp_path: Path) -> None:
+    """A robot whose behaviour failed starts it again at another revision, so other changes must not give it one."""
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",)))
+    ordered = kept.revision
+    assert (kept.behaviour("r1").revision, kept.behaviour("r2").revision) == (0, ordered)
+    await kept.set_circle(SetCircle(radius=0.9))
+    await kept.add_stop(Stop())
+    await kept.resume(Resume(revision=kept.stop.revision))
+    await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r3",)))
+    assert kept.revision > ordered
+    assert kept.behaviour("r2").revision == fresh(path).behaviour("r2").revision == ordered
+    await kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",)))
+    assert kept.behaviour("r2").revision == kept.revision
+
+
+async def test_robots_that_do_the_same_share_the_circle_whenever_that_was_ordered() -> None:
+    kept = StateStore(parse_scenario({"robots": 5, "behaviour": {"name": "hold"}}, "lab.toml", name="lab"), None)
+    await kept.set_circle(SetCircle(radius=0.29))  # room for four robots of 0.177 m radius
+    for name in ("r1", "r2", "r3", "r4"):
+        await kept.set_behaviour(SetBehaviour(behaviour="pursuit", names=(name,)))
+    with pytest.raises(OrderRefused, match="5 robots on a circle"):
+        await kept.set_behaviour(SetBehaviour(behaviour="pursuit", names=("r5",)))
+
+
 async def test_a_behaviour_order_to_an_unknown_robot_is_refused() -> None:
     kept = fresh()
     before = kept.state
@@ -359,7 +385,7 @@ async def test_a_stop_that_was_lifted_is_not_adopted_again(restarted: bool, tmp_
 async def test_a_stop_kept_since_the_resume_hides_no_other_one_over_a_restart_either(
     restarted: bool, tmp_path: Path
 ) -> None:
-    """r1 received an operator's stop itself; before it has reported it r2 is stopped, and the base station restarts."""
+    """r1 received an operator's stop itself; before it reports that, r2 is stopped, and the base station restarts."""
     path = tmp_path / "state.json"
     kept = fresh(path)
     await kept.add_stop(Stop())
