@@ -140,7 +140,7 @@ def test_a_process_alone_says_what_it_waits_for(
 @pytest.mark.parametrize(
     ("scenario", "missing"),
     [
-        (NO_CAMERA, "no camera in the settings: without poses every robot stands still"),
+        (NO_CAMERA, "no camera in the settings: no robot drives without poses"),
         (BLIND, "no camera has seen r1 yet"),
     ],
 )
@@ -180,4 +180,4 @@ def test_what_is_waited_for_comes_and_goes(caplog: pytest.LogCaptureFixture) -> 
         "waiting: no commands for r1 r2: waiting for their agents",
         "waiting: no agent of r1; no agent of r2",
     ]
-    assert sorted(said[2:]) == ["every robot gets commands", "nothing is missing any longer"]
+    assert sorted(said[2:]) == ["every robot receives commands", "nothing is missing now"]

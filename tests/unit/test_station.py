@@ -31,7 +31,7 @@ T = TypeVar("T", bound=Message)
 
 LAB = parse_scenario({"robots": 2, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
 SEEN = parse_scenario({"robots": 2, "camera": {"north": {}}}, "lab.toml", name="lab")
-NO_CAMERA = "no camera in the settings: without poses every robot stands still"
+NO_CAMERA = "no camera in the settings: no robot drives without poses"
 BLANK = bytes(1280 * 720)
 
 
