@@ -166,7 +166,7 @@ class ControlLoop:
             order: the order.
         """
         before = self.latch
-        self.latch = before.hear(self._name, everybody=order.all, names=order.names, revision=order.revision)
+        self.latch = before.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
         self.changed |= self.latch != before
         if order.revision >= self.latch.revision:
             self._stopped_names = frozenset(order.names)

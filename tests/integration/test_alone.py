@@ -1,4 +1,4 @@
-"""A process alone says within a few seconds what it waits for: once in its log, and in its health; in virtual time."""
+"""A process on its own reports within a few seconds what it waits for: once in its log, and in its health."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def simulator(bus: Bus, scenario: Scenario) -> Coroutine[Any, Any, None]:
 
 
 class Lab:
-    """Processes on one network, and what they say."""
+    """Processes on one network, and their reports."""
 
     def __init__(self, network: MemoryNetwork, healths: Latest[Health], tasks: asyncio.TaskGroup) -> None:
         self._network = network
@@ -79,7 +79,7 @@ class Lab:
             await main(bus, scenario)
 
     def reasons(self, name: str) -> tuple[str, ...]:
-        """Why a process does not do its work, by its newest health."""
+        """Why a process cannot work, from its newest health."""
         return self._healths.values()[name].message.reasons
 
     def end(self) -> None:
@@ -160,7 +160,7 @@ def test_robots_that_no_camera_sees(scenario: Scenario, missing: str, caplog: py
     assert caplog.messages.count("stationary: no pose yet: waiting for a camera to see this robot") == 1
 
 
-def test_what_is_waited_for_comes_and_goes(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_missing_process_is_reported_when_it_ends_and_when_it_is_back(caplog: pytest.LogCaptureFixture) -> None:
     """Each episode has a line for its beginning and one for its end."""
     caplog.set_level(logging.INFO)
 
