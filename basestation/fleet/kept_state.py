@@ -55,9 +55,6 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         behaviour: of each robot.
         stop_all: everybody is stopped.
         stop_names: ... or these are.
-
-    Raises:
-        ValueError: a radius that is not positive.
     """
 
     revision: Annotated[int, Meta(ge=0)] = 1
@@ -67,10 +64,6 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     behaviour: dict[Name, KeptBehaviour]
     stop_all: bool = False
     stop_names: tuple[Name, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not self.circle.radius > 0.0:
-            raise ValueError(f"circle: got a radius of {self.circle.radius:g} m, expected more than 0")
 
     @classmethod
     def initial(cls, scenario: Scenario) -> KeptState:

@@ -5,10 +5,10 @@ describes a run (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) 
 "lab.toml"``, or contain the fleet itself. ``[robot.r1]`` overrides ``[all]``, which overrides the defaults.
 """
 
-from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
+from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, parameters_as, read_parameters
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.find import built_in_scenarios, find_scenario
-from muro_zenoh.config.scenario import as_table, load_scenario, parameters_as, parse_scenario
+from muro_zenoh.config.scenario import as_table, load_scenario, parse_scenario
 from muro_zenoh.config.schema import Section
 from muro_zenoh.config.sections import (
     BehaviourSettings,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Vehicle
@@ -14,6 +14,22 @@ from muro_zenoh.errors import BehaviourError, ConfigError, ParameterError
 from muro_zenoh.geometry import Circle
 
 _PATH = "behaviour"
+
+T = TypeVar("T")
+
+
+def parameters_as(kind: type[T], parameters: Mapping[str, Any], where: str | Origin) -> T:
+    """A behaviour's parameters as a checked value.
+
+    Args:
+        kind: their type, a frozen dataclass or a :class:`~muro_zenoh.config.Section`.
+        parameters: values by key.
+        where: the file or order that they come from, for errors.
+
+    Raises:
+        ConfigError: a wrong key, type or range, or values that do not fit together.
+    """
+    return read_section(kind, parameters, _origin(where), _PATH)
 
 
 def read_parameters(kind: BehaviourKind, parameters: Mapping[str, Any], where: str | Origin) -> Any:
@@ -27,7 +43,7 @@ def read_parameters(kind: BehaviourKind, parameters: Mapping[str, Any], where: s
     Raises:
         ConfigError: a wrong key, type or range, or inconsistent values.
     """
-    return read_section(kind.parameters, parameters, _origin(where), _PATH)
+    return parameters_as(kind.parameters, parameters, where)
 
 
 def make_behaviour(

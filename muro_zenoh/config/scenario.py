@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final
 
 import msgspec
 
@@ -40,8 +40,6 @@ _SECTIONS: Final[dict[str, Any]] = {
 """The sections that are one value each, with their defaults."""
 
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
-
-T = TypeVar("T")
 
 
 def load_scenario(
@@ -110,20 +108,6 @@ def as_table(scenario: Scenario) -> dict[str, Any]:
     behaviour = table.pop("behaviour")
     table["behaviour"] = {"name": behaviour["name"], **behaviour["parameters"]}
     return _without_none(table)  # type: ignore[no-any-return]  # a dict in, a dict out
-
-
-def parameters_as(kind: type[T], parameters: Mapping[str, object], where: str) -> T:
-    """A behaviour's parameters as a checked value.
-
-    Args:
-        kind: their type, a frozen dataclass.
-        parameters: values by key, from the scenario or an order.
-        where: the file or order that they come from, for errors.
-
-    Raises:
-        ConfigError: a wrong key, type or range.
-    """
-    return read_section(kind, parameters, Origin(where), "behaviour")
 
 
 def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, Any]:

@@ -215,6 +215,21 @@ async def test_pursuit_holds_when_the_positions_time_out() -> None:
 
 
 @virtual
+async def test_pursuit_uses_positions_up_to_0_5_s_old() -> None:
+    async with memory_fleet(scenario(2, "pursuit")) as fleet:
+        await fleet.until(lambda: len(fleet.driving) == 2, 3, "all drive")
+        await asyncio.sleep(2.0)
+        snapshots = (await fleet.bus()).latest(channels.ALL_POSITIONS)
+        last = await snapshots.next()
+        fleet.silence(channels.ALL_POSITIONS)
+        for age, driving in ((0.45, {"r1", "r2"}), (0.56, set())):  # an estimate comes every 0.05 s
+            await asyncio.sleep(age - last.age(fleet.clock.now()))
+            assert snapshots.get() == last  # there is no newer one
+            assert fleet.driving == driving, age
+        await fleet.until(lambda: fleet.holds("r1", "no positions for 0."), 0.2, "it reports the reason, with the age")
+
+
+@virtual
 async def test_pursuit_holds_while_there_are_no_positions() -> None:
     """A single robot that never receives a snapshot: pursuit has no speed, and no default replaces it."""
     async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:

@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Callable, Coroutine
-from contextlib import asynccontextmanager
-from typing import Any
 
 import pytest
 
-from agents.agent import Agent
-from agents.simulator import Room
-from basestation.station import Station
-from basestation.tasks.vision import cameras_on_bus
-from muro_zenoh import channels
-from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario, parse_scenario
-from muro_zenoh.messages import Health
-from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
-from muro_zenoh.transport import Bus, Latest, MemoryNetwork, make_bus
+from muro_zenoh.runtime.virtual_time import run_virtually
+from tests.support.memory_lab import Main, agent, basestation, memory_lab, simulator
 
 CAMERA = {"rate": 5}
 LAB = parse_scenario({"robots": 2, "camera": {"north": CAMERA}}, "lab.toml", name="lab")
@@ -40,63 +30,6 @@ BLIND = parse_scenario(  # its camera looks at another floor than the one where 
     name="lab",
 )
 
-Main = Callable[[Bus, Scenario], Coroutine[Any, Any, None]]
-
-
-def agent(bus: Bus, scenario: Scenario) -> Coroutine[Any, Any, None]:
-    bus.announce(Role.AGENT, "r1")
-    return Agent(bus, scenario, "r1").run()
-
-
-def other_agent(bus: Bus, scenario: Scenario) -> Coroutine[Any, Any, None]:
-    bus.announce(Role.AGENT, "r2")
-    return Agent(bus, scenario, "r2").run()
-
-
-def basestation(bus: Bus, scenario: Scenario) -> Coroutine[Any, Any, None]:
-    return Station(bus, scenario, None, cameras_on_bus(bus, scenario, InlineExecutor())).run()
-
-
-def simulator(bus: Bus, scenario: Scenario) -> Coroutine[Any, Any, None]:
-    return Room(bus, scenario, 1, InlineExecutor()).run()
-
-
-class Lab:
-    """Processes on one network, and their reports."""
-
-    def __init__(self, network: MemoryNetwork, healths: Latest[Health], tasks: asyncio.TaskGroup) -> None:
-        self._network = network
-        self._healths = healths
-        self._tasks = tasks
-        self._running: list[asyncio.Task[None]] = []
-
-    def start(self, scenario: Scenario, *mains: Main) -> None:
-        for main in mains:
-            self._running.append(self._tasks.create_task(self._run(main, scenario)))
-
-    async def _run(self, main: Main, scenario: Scenario) -> None:
-        async with make_bus(self._network.link(), clock=VirtualClock()) as bus:
-            await main(bus, scenario)
-
-    def reasons(self, name: str) -> tuple[str, ...]:
-        """Why a process cannot work, from its newest health."""
-        return self._healths.values()[name].message.reasons
-
-    def end(self) -> None:
-        for task in self._running:
-            task.cancel()
-
-
-@asynccontextmanager
-async def lab() -> AsyncIterator[Lab]:
-    network = MemoryNetwork()
-    async with make_bus(network.link(), clock=VirtualClock()) as bus, asyncio.TaskGroup() as tasks:
-        there = Lab(network, bus.latest(channels.HEALTH, "*"), tasks)
-        try:
-            yield there
-        finally:
-            there.end()
-
 
 @pytest.mark.parametrize(
     ("main", "name", "line", "reasons"),
@@ -109,7 +42,7 @@ async def lab() -> AsyncIterator[Lab]:
         ),
         (simulator, "simulator", "waiting: ", ("no commands for r1 r2: waiting for their agents",)),
         (
-            agent,
+            agent("r1"),
             "r1",
             "stationary: ",
             (
@@ -126,7 +59,7 @@ def test_a_process_alone_says_what_it_waits_for(
     caplog.set_level(logging.INFO)
 
     async def run() -> None:
-        async with lab() as there:
+        async with memory_lab() as there:
             there.start(LAB, main)
             await asyncio.sleep(5.0)
             assert there.reasons(name) == reasons
@@ -148,8 +81,8 @@ def test_robots_that_no_camera_sees(scenario: Scenario, missing: str, caplog: py
     caplog.set_level(logging.INFO)
 
     async def run() -> None:
-        async with lab() as there:
-            there.start(scenario, simulator, basestation, agent)
+        async with memory_lab() as there:
+            there.start(scenario, simulator, basestation, agent("r1"))
             await asyncio.sleep(6.0)
             assert there.reasons("basestation") == (missing,)
             assert there.reasons("r1") == ("no pose yet: waiting for a camera to see this robot",)
@@ -165,12 +98,12 @@ def test_a_missing_process_is_reported_when_it_ends_and_when_it_is_back(caplog: 
     caplog.set_level(logging.INFO)
 
     async def run() -> None:
-        async with lab() as there:
+        async with memory_lab() as there:
             there.start(LAB, simulator)
             await asyncio.sleep(5.0)
             there.start(LAB, basestation)
             await asyncio.sleep(5.0)
-            there.start(LAB, agent, other_agent)
+            there.start(LAB, agent("r1"), agent("r2"))
             await asyncio.sleep(5.0)
             assert (there.reasons("simulator"), there.reasons("basestation")) == ((), ())
 

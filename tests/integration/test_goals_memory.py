@@ -124,7 +124,7 @@ async def test_steer_drives_to_its_goals_in_order_and_pauses() -> None:
     goals = ((0.9, 0.5), (-0.8, 0.2))
     async with memory_fleet(scenario(1, "steer", goals=goals, pause=1.0)) as fleet:
         await fleet.until(stands_at(fleet, 0.9, 0.5), 30, "the first")
-        await fleet.until(lambda: fleet.holds("r1", "at goal 1, waiting"), 2, "it waits")
+        await fleet.until(lambda: fleet.holds("r1", "at goal 1, pausing"), 2, "it waits")
         await fleet.until(stands_at(fleet, -0.8, 0.2), 30, "the second")
         await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "all")
 

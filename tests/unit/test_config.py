@@ -214,7 +214,7 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "too many robots for the circle": (
         {"robots": 15, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
         "lab.toml: circle.radius: got 15 robots on a circle of 0.8 m, 0.333 m apart, expected at least 0.354 m between "
-        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.85 m.",
+        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.86 m.",
     ),
     "pixels without metres": (
         {"camera": {"north": {"pixels": PIXELS}}},

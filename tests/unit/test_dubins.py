@@ -103,7 +103,7 @@ GRID = st.builds(lambda x, y, turn: Pose2(0.15 * x, 0.15 * y, math.pi / 12 * tur
 
 
 @given(start=GRID, goal=GRID)
-@example(start=Pose2(1.35, -0.75, math.pi), goal=Pose2(0.75, -0.15, math.pi))  # the circles touch, but for rounding
+@example(start=Pose2(0.15 * 9, 0.15 * -5, math.pi), goal=Pose2(0.15 * 5, 0.15 * -1, math.pi))  # touching circles
 @example(start=Pose2(0.0, 0.0, 0.0), goal=Pose2(1.5, 0.0, 0.0))
 def test_backwards_in_time_it_is_as_long(start: Pose2, goal: Pose2) -> None:
     path = plan(start, goal, RADIUS)
@@ -118,6 +118,21 @@ def test_backwards_in_time_it_is_as_long_off_the_grid_too(pairs: tuple[Array, Ar
     for start, goal in zip(*(ends.tolist() for ends in pairs), strict=True):
         there = plan(Pose2(*start), Pose2(*goal), RADIUS).length
         assert reversed_length(Pose2(*start), Pose2(*goal)) == pytest.approx(there, abs=1e-6)
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_no_plan_is_longer_than_a_path_that_arrives(word: str) -> None:
+    """Paths of any word, whose pieces vanish by turns: a plan with one spurious circle would be longer."""
+    rng = np.random.default_rng(7)
+    turn = {"L": 1.0, "S": 0.0, "R": -1.0}
+    for which in range(1, 8):
+        for _ in range(300):
+            sizes = [size if which >> k & 1 else 0.0 for k, size in enumerate(rng.uniform(0.0, math.pi, 3).tolist())]
+            pieces = tuple(Segment(size * RADIUS, turn[c] / RADIUS) for c, size in zip(word, sizes, strict=True))
+            there = Path(Pose2(*rng.uniform(-3.0, 3.0, 3).tolist()), pieces)
+            best = shortest_word(there.start, there.end, RADIUS)
+            assert best.size * RADIUS <= there.length + 1e-6
+            assert all_words(np.array(there.start), np.array(there.end), RADIUS).size.min() <= best.size + 1e-6
 
 
 def test_a_path_to_its_own_start_has_no_length() -> None:

@@ -103,6 +103,11 @@ def test_an_absurd_revision_stops_but_lifts_nothing_and_is_not_remembered(absurd
     assert receive(stopped, 6).may_drive  # the base station can lift it
 
 
+def test_an_absurd_revision_is_no_stop_state() -> None:
+    assert not receive(StopLatch(), 2**53 + 1).received
+    assert receive(StopLatch(), 2**53).revision == 2**53
+
+
 def test_a_newer_order_by_name_replaces_an_order_to_all() -> None:
     # `muro stop`, then `muro resume r2`: reported as a stop of all robots, the base station would adopt it as such.
     latch = receive(receive(FREE, 6, all_robots=True), 7, "r1", "r3")

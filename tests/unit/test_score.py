@@ -26,14 +26,14 @@ from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
 from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
-from muro_zenoh.scoring.checks import CHECKS, judged_checks
+from muro_zenoh.scoring.checks import CHECKS, Judged, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
 from muro_zenoh.scoring.deployment import Deployment
 from muro_zenoh.scoring.expectations import Expectations
 from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
-from muro_zenoh.scoring.sheet import ProcessUse, ScoreSheet
+from muro_zenoh.scoring.sheet import CheckResult, ProcessUse, ScoreSheet
 from muro_zenoh.scoring.spread import percentile
 from muro_zenoh.supervision.run import RunResult
 
@@ -498,6 +498,33 @@ def test_a_check_in_the_report_is_in_the_unit_of_its_limit() -> None:
     assert sheet["pose_age_ms"]["p99"] == pytest.approx(99.0)
     assert sheet["checks"]["pose_age_p99"]["value"] == pytest.approx(0.099)
     assert sheet["checks"]["fix_rate"]["value"] == 19.5, "the worst robot's"
+
+
+class TwoMore(Checks, frozen=True, kw_only=True):
+    quick: Annotated[Period | None, at_most("pose_to_command_ms.p99")] = None
+    apart: Annotated[Length | None, at_least("min_separation_m")] = None
+
+
+def test_a_section_may_declare_more_checks_each_in_the_unit_of_its_limit() -> None:
+    assert judged_checks(TwoMore)[: len(CHECKS)] == CHECKS
+    assert judged_checks(TwoMore)[len(CHECKS) :] == (
+        Judged("quick", at_most("pose_to_command_ms.p99"), "s", 1e-3),
+        Judged("apart", at_least("min_separation_m"), "m", 1.0),
+    )
+
+
+@pytest.mark.parametrize(("separation", "passed"), [(0.299, False), (0.3, True), (0.301, True), (None, False)])
+def test_a_limit_from_below_is_itself_allowed(separation: float | None, passed: bool) -> None:
+    judged = Judged("apart", at_least("min_separation_m"), "m", 1.0)
+    sheet = score_run(observed(min_separation=separation), Checks())
+    assert judged.result(sheet, 0.3) == CheckResult(separation, 0.3, passed)
+
+
+@pytest.mark.parametrize(("collisions", "passed"), [(1, True), (2, True), (3, False)])
+def test_a_limit_from_above_is_itself_allowed(collisions: int, passed: bool) -> None:
+    judged = Judged("collisions", at_most("collisions"), "1", 1.0)
+    sheet = score_run(observed(collisions=collisions), Checks())
+    assert judged.result(sheet, 2) == CheckResult(collisions, 2, passed)
 
 
 class NoSuchKey(Checks, frozen=True, kw_only=True):
