@@ -66,7 +66,7 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         NotConnected: no router answered.
         ConfigError: the settings have no such robot.
     """
-    _robot(scenario, name)  # refused before anything is opened
+    _robot(scenario, name)  # check before anything is opened
     async with open_bus(scenario.bus, Role.AGENT) as bus:
         agent = Agent(bus, scenario, name)
         bus.announce(Role.AGENT, name)

@@ -166,7 +166,7 @@ class ControlLoop:
             order: the order.
         """
         before = self.latch
-        self.latch = before.hear(self._name, everybody=order.all, names=order.names, revision=order.revision)
+        self.latch = before.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
         self.changed |= self.latch != before
         if order.revision >= self.latch.revision:
             self._stopped_names = frozenset(order.names)
@@ -222,15 +222,15 @@ class ControlLoop:
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent = self._estimate, self._intent
-        # A behaviour that is asked at each estimate has not been asked before the first: what is missing is the pose.
-        asked = self._behaviour is None or estimate is not None
+        # A behaviour that is stepped at each estimate has not been stepped before the first: only the pose is missing.
+        stepped = self._behaviour is None or estimate is not None
         reasons = reasons_to_hold(
             latch=self.latch,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
             fix_limit=channels.POSE.stale_after,
-            twist_age=now - self._intended if asked else 0.0,
+            twist_age=now - self._intended if stepped else 0.0,
             twist_limit=_INTENT_TIMEOUT,
-            hold=intent.reason if asked and intent.twist is None else "",
+            hold=intent.reason if stepped and intent.twist is None else "",
         )
         command = STILL
         if not reasons and estimate is not None and intent.twist is not None:

@@ -93,7 +93,7 @@ class Robot:
         """
         return config.parameters_as(kind, self.parameters, f"behaviour of {self.name}")
 
-    # ---- what there is to see
+    # ---- observations
 
     async def estimates(self) -> AsyncIterator[Estimate]:
         """This robot's estimates as they are made; a slow reader receives only the newest."""
@@ -119,9 +119,9 @@ class Robot:
 
     @property
     def neighbours(self) -> tuple[Neighbour, ...]:
-        """All other robots as the cameras last saw them, their ages up to now; none while no fresh snapshot is known.
+        """All other robots as the cameras last saw them, with ages up to now; empty while no fresh snapshot is known.
 
-        A robot that is not seen any more stays in it (``stale``, then ``lost``): it is an obstacle where it was.
+        A robot that is no longer seen stays in it (``stale``, then ``lost``): it is an obstacle at its last position.
         """
         seen = self._connection.seen()
         snapshot = seen.snapshot if seen is not None else None
@@ -156,7 +156,7 @@ class Robot:
         """The clock [s since 1970]."""
         return self._connection.now()
 
-    # ---- what to do
+    # ---- actions
 
     def drive(self, v: float, omega: float) -> None:
         """Drive; calibration, limits and the safety checks are applied to the twist.

@@ -85,7 +85,7 @@ class Room:
                 publisher.put(Truth(stamp=stamp, x=x, y=y, theta=theta, v=v, omega=omega))
 
     async def _report(self) -> None:
-        waiting = WaitingLog(log, "waiting", "every robot gets commands")
+        waiting = WaitingLog(log, "waiting", "every robot receives commands")
         while True:
             reasons = self._reasons()
             waiting.note(self._bus.clock.now(), reasons)

@@ -1,4 +1,4 @@
-"""A flock: go the neighbours' way, keep a distance, stay near the middle. `muro run examples/flock.toml`"""
+"""A flock: align with the neighbours, keep a distance, stay near the middle. `muro run examples/flock.toml`"""
 
 import math
 

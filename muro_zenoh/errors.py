@@ -28,8 +28,8 @@ class WrongValueError(MuroError):
     """An invalid value.
 
     Args:
-        what: which value.
-        got: what it is.
+        what: the name of the value.
+        got: the value found.
         expected: the valid values.
         hint: what to do next, where that is not obvious.
     """
@@ -44,12 +44,11 @@ class WrongValueError(MuroError):
 
 
 class ConfigError(WrongValueError):
-    """Settings that are wrong or impossible; ``what`` is the file with the full path of the key, such as
-    ``fleet.toml: robot.r1.radius``."""
+    """Invalid settings; ``what`` is the file with the full path of the key, such as ``fleet.toml: robot.r1.radius``."""
 
 
 class ParameterError(WrongValueError, ValueError):
-    """A parameter of a law or a behaviour that makes no sense, or does not fit the others; ``what`` is its name."""
+    """An invalid parameter of a law or a behaviour, alone or in combination with the others; ``what`` is its name."""
 
 
 class MessageError(MuroError):

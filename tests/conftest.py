@@ -18,7 +18,7 @@ settings.load_profile("muro-ci" if os.environ.get("CI", "").lower() == "true" el
 
 @pytest.fixture(autouse=True)
 def logs_as_they_were() -> Iterator[None]:
-    """Leave the logs as they were: import-linter, for one, silences every logger that there is when it starts."""
+    """Restore the loggers after each test: import-linter, for example, disables all existing loggers."""
     root = logging.getLogger()
     level = root.level
     yield

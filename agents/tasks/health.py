@@ -62,7 +62,7 @@ async def report_health(
                 samples=samples,
                 failure=runner.failure,
                 stop_latched=loop.latch.stopped,
-                stop_all=loop.latch.everybody,
+                stop_all=loop.latch.all_robots,
                 stop_revision=max(loop.latch.revision, 0),
             )
         )

@@ -21,7 +21,7 @@ _PERIOD = channels.HEALTH.period
 _RUNNING = "running"
 
 _CAMERA_SILENT = 1.0
-"""A camera whose newest frame came longer ago than this is missing [s]."""
+"""A camera without a frame for this time is reported as missing [s]."""
 
 _OTHER_GONE = 3.0
 """Another base station without a report for this time is gone [s]."""
@@ -59,7 +59,7 @@ class HealthTask:
     async def report(self) -> None:
         """Publish the health once a second."""
         positions = self._positions
-        waiting = WaitingLog(log, "waiting", "nothing is missing any longer")
+        waiting = WaitingLog(log, "waiting", "nothing is missing now")
         while True:
             reasons = self._reasons()
             waiting.note(self._bus.clock.now(), reasons)
@@ -85,13 +85,13 @@ class HealthTask:
         return tuple(reasons)
 
     def _missing_sightings(self, now: float) -> list[str]:
-        """Cameras without frames, and the robots that the others do not see."""
-        heard = self._positions.heard
-        if not self._cameras and not heard:
-            return ["no camera in the settings: without poses every robot stands still"]
+        """Cameras without frames, and the robots that no working camera has seen."""
+        received_at = self._positions.received_at
+        if not self._cameras and not received_at:
+            return ["no camera in the settings: no robot drives without poses"]
         missing = []
         for camera in self._cameras:
-            silent = now - heard.get(camera, -math.inf)
+            silent = now - received_at.get(camera, -math.inf)
             if silent > _CAMERA_SILENT:
                 age = "yet" if silent == math.inf else f"for {silent:.1f} s"
                 missing.append(f"no frames from camera {camera} {age}")

@@ -34,7 +34,7 @@ class PositionsTask:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
-        self.heard: dict[str, float] = {}
+        self.received_at: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
         self._clock = bus.clock
         self._table = FleetTable()
@@ -62,7 +62,7 @@ class PositionsTask:
             await asyncio.sleep(_LONGEST_PERIOD - silent)
 
     def was_seen(self, name: str) -> bool:
-        """Whether a camera ever saw a robot, since it was last cleared.
+        """Whether a camera has seen a robot since it was last cleared.
 
         Args:
             name: of the robot.
@@ -82,7 +82,7 @@ class PositionsTask:
         return self._table.clear(name)
 
     def _take(self, sightings: Sightings) -> None:
-        self.heard[sightings.camera] = self._clock.now()
+        self.received_at[sightings.camera] = self._clock.now()
         self.complaints[sightings.camera] = sightings.complaints
         if sightings.frame == "stale":
             self.stale_frames += 1

@@ -1,4 +1,4 @@
-"""What a process waits for, in its log: once per episode, and only what lasts."""
+"""Logs what a process waits for: once per episode, and only when it lasts."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from collections.abc import Sequence
 from typing import Final
 
 LASTING: Final = 3.0
-"""What goes away by itself within this time, as while a fleet starts, is not worth a line [s]."""
+"""Reasons that disappear within this time, as during the start of a fleet, are not logged [s]."""
 
 _NUMBER = re.compile(r"(?<!\w)[0-9.]+")
 
 
 def without_numbers(reasons: Sequence[str]) -> str:
-    """Reasons without the ages and distances in them: what stays the same from one moment to the next.
+    """Reasons without their ages and distances, to detect a change of reason.
 
     Args:
-        reasons: as operators read them; a number that is part of a name stays.
+        reasons: the texts for operators; a number that is part of a name is kept.
     """
     return _NUMBER.sub("", "|".join(reasons)) if reasons else ""
 
 
 class WaitingLog:
-    """Logs the reasons for which a process does not do its work.
+    """Logs the reasons for which a process cannot work.
 
     Args:
-        log: where to.
+        log: the log.
         what: begins the line, such as ``stationary``.
-        no_longer: the line for the end of what was logged.
+        no_longer: the line at the end of a logged episode.
     """
 
     def __init__(self, log: logging.Logger, what: str, no_longer: str) -> None:
@@ -38,15 +38,15 @@ class WaitingLog:
         self._no_longer = no_longer
         self._waiting_for = ""
         self._since = math.inf
-        self._said = False  # of this very episode
-        self._logged = False  # of this one, or of one that went over into it
+        self._said = False  # this episode
+        self._logged = False  # this one, or a previous one that it continues
 
     def note(self, now: float, reasons: Sequence[str]) -> None:
-        """Take the reasons as they are now; call it once a second or more often.
+        """Update with the current reasons; call it at least once a second.
 
         Args:
             now: the time [s].
-            reasons: none when the process does its work.
+            reasons: the reasons; empty when the process works.
         """
         waiting_for = without_numbers(reasons)
         if waiting_for != self._waiting_for:

@@ -40,7 +40,7 @@ def check_can_run(scenario: Scenario, file: str) -> None:
     Raises:
         ConfigError: no camera, no such wheels or behaviour, or invalid parameters.
     """
-    from agents.base.table import check_base  # first it must be known whose package that is
+    from agents.base.table import check_base  # only after check_own_packages
 
     behaviour = scenario.behaviour
     if not scenario.camera and behaviour.name != DEFAULT:

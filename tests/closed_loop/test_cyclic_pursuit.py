@@ -143,7 +143,7 @@ def run_agents(
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_a_robot_leaves_and_the_rest_space_again_then_one_comes(clockwise: bool) -> None:
+def test_the_ring_spreads_again_when_a_robot_leaves_and_when_one_joins(clockwise: bool) -> None:
     circle = Circle(2.0, 1.5, 0.8, clockwise)
     names = ["r1", "r2", "r3", "r4", "r5"]
     angles = run_agents(circle, {n: 0.2 * k for k, n in enumerate(names)}, pursuit_law(), 30.0)

@@ -57,7 +57,7 @@ def test_the_default_pursuit_law_keeps_up_with_the_bound() -> None:
     ids=["150 ms late", "0.2 s wheels", "three times the noise", "30 Hz"],
 )
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_the_default_circle_law_bears_a_worse_loop(settings: LoopSettings, clockwise: bool) -> None:
+def test_the_default_circle_law_tolerates_a_worse_loop(settings: LoopSettings, clockwise: bool) -> None:
     circle = Circle(2.1, 1.5, 0.6, clockwise)
     rng = np.random.default_rng(3)
     run = follow_circle(convergence.draw_starts(60), circle, circle_law(), 0.15, settings, rng, 25.0)
@@ -66,7 +66,7 @@ def test_the_default_circle_law_bears_a_worse_loop(settings: LoopSettings, clock
 
 
 @pytest.mark.slow
-def test_the_density_asked_for_comes_out_of_the_whole_loop() -> None:
+def test_the_whole_loop_achieves_the_desired_density() -> None:
     """36 bins over 180 s after settling, contrast 3: within 15 % (total variation), each trial by itself."""
     wanted = Importance.from_function(lambda angle: 2.0 + math.cos(angle - 1.0))
     assert wanted.contrast == pytest.approx(3.0, rel=1e-3)

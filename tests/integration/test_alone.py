@@ -1,4 +1,4 @@
-"""A process alone says within a few seconds what it waits for: once in its log, and in its health; in virtual time."""
+"""A process on its own reports within a few seconds what it waits for: once in its log, and in its health."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_process_alone_says_what_it_waits_for(
 @pytest.mark.parametrize(
     ("scenario", "missing"),
     [
-        (NO_CAMERA, "no camera in the settings: without poses every robot stands still"),
+        (NO_CAMERA, "no camera in the settings: no robot drives without poses"),
         (BLIND, "no camera has seen r1 yet"),
     ],
 )
@@ -93,7 +93,7 @@ def test_robots_that_no_camera_sees(scenario: Scenario, missing: str, caplog: py
     assert caplog.messages.count("stationary: no pose yet: waiting for a camera to see this robot") == 1
 
 
-def test_what_is_waited_for_comes_and_goes(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_missing_process_is_reported_when_it_ends_and_when_it_is_back(caplog: pytest.LogCaptureFixture) -> None:
     """Each episode has a line for its beginning and one for its end."""
     caplog.set_level(logging.INFO)
 
@@ -113,4 +113,4 @@ def test_what_is_waited_for_comes_and_goes(caplog: pytest.LogCaptureFixture) -> 
         "waiting: no commands for r1 r2: waiting for their agents",
         "waiting: no agent of r1; no agent of r2",
     ]
-    assert sorted(said[2:]) == ["every robot gets commands", "nothing is missing any longer"]
+    assert sorted(said[2:]) == ["every robot receives commands", "nothing is missing now"]

@@ -1,4 +1,4 @@
-"""The commands as they are typed, with real processes: what they start, what they refuse, how they report failures."""
+"""The typed commands with real processes: what they start and refuse, and how they report failures."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def muro(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def typed(line: str) -> Iterator[Process]:
-    """A command of ``muro`` that stays, once it is ready."""
+    """A command of ``muro`` that keeps running, once it is ready."""
     with Process([*MURO, *line.split()], name=f"muro {line}") as process:
         process.ready()
         yield process
@@ -85,13 +85,13 @@ async def both_cameras(bus: Bus, robot: str) -> None:
 
 
 async def drives(bus: Bus, robot: str) -> None:
-    """Wait until a robot really drives."""
+    """Wait until a robot actually drives."""
     async for received in bus.every(channels.TRUTH, robot):
         if abs(received.message.v) > 0.05:
             return
 
 
-async def test_the_processes_start_as_they_are_typed_drive_by_two_cameras_and_end_when_asked(bus: Bus) -> None:
+async def test_the_typed_commands_start_drive_with_two_cameras_and_exit_on_sigterm(bus: Bus) -> None:
     with (
         typed("sim lab.toml --seed 3") as sim,
         typed("basestation lab.toml --state state.json") as station,
@@ -104,7 +104,7 @@ async def test_the_processes_start_as_they_are_typed_drive_by_two_cameras_and_en
             assert process.wait() == OK, process.last_lines()
 
 
-async def test_a_base_starts_as_it_is_typed_and_ends_when_asked(bus: Bus) -> None:
+async def test_the_typed_base_command_starts_and_exits_on_sigterm(bus: Bus) -> None:
     states = bus.latest(channels.BASE, "r1")
     with typed("base lab.toml r1") as base:
         state = await within(10, states.next(), "its state")
@@ -113,7 +113,7 @@ async def test_a_base_starts_as_it_is_typed_and_ends_when_asked(bus: Bus) -> Non
         assert base.wait() == OK, base.last_lines()
 
 
-def test_a_router_listens_where_it_is_told_to(lab: str) -> None:
+def test_a_router_listens_on_the_given_endpoint(lab: str) -> None:
     with typed(f"router --listen {lab}") as router:
         assert muro("topic", "list", "--for", "0.2", "--connect", lab).returncode in (0, 1)
         router.send(signal.SIGINT)
@@ -129,8 +129,8 @@ def test_a_robot_that_the_file_does_not_have(command: str, lab: str) -> None:
     assert "got 'r9', expected one of r1, r2, r3, r4, r5" in done.stderr
 
 
-async def test_what_cannot_be_is_refused_by_a_running_base_station_with_the_reason(bus: Bus, lab: str) -> None:
-    """`muro set` says why, exits with 1, and nothing has changed."""
+async def test_a_running_base_station_refuses_impossible_orders_with_the_reason(bus: Bus, lab: str) -> None:
+    """`muro set` prints the reason, exits with 1, and nothing has changed."""
     circles, behaviours = bus.latest(channels.CIRCLE), bus.latest(channels.BEHAVIOUR, "*")
     with typed("basestation lab.toml --state state.json"):
         await within(10, circles.next(), "a circle")
@@ -164,7 +164,7 @@ async def test_what_cannot_be_is_refused_by_a_running_base_station_with_the_reas
         ("pursuit --set behaviour.name=nolab:swim", "No module named 'nolab'"),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_starts(line: str, reason: str) -> None:
+def test_impossible_settings_are_refused_before_anything_starts(line: str, reason: str) -> None:
     done = muro("run", *line.split(), "--headless")
     assert done.returncode == WRONG_USE, done.stdout
     assert reason in done.stderr
@@ -188,7 +188,7 @@ def call(robot):
 
 
 @pytest.mark.parametrize(("behaviour", "line"), [("swim", 8), ("call", 12)])
-def test_a_behaviour_that_fails_is_seen_everywhere_and_the_run_has_not_passed(behaviour: str, line: int) -> None:
+def test_a_failed_behaviour_is_shown_everywhere_and_the_run_does_not_pass(behaviour: str, line: int) -> None:
     """In the live line, in the agent's log with its traceback, on the sheet, in the summary and in the exit code."""
     Path("pool.py").write_text(SWIM)
     Path("pool.toml").write_text(f'robots = 2\nduration = 6\n[camera.north]\n[behaviour]\nname = "pool:{behaviour}"\n')

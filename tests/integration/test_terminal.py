@@ -1,4 +1,4 @@
-"""``muro run`` on a real terminal: the table is drawn in place, and nothing is left behind, however the run ends."""
+"""``muro run`` on a real terminal: the table is drawn in place, and nothing is left behind."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_the_table_is_drawn_in_place_and_ends_clean() -> None:
 
 
 @pytest.mark.parametrize("shown", ["hold: 2 robots", "the behaviour is hold"])
-def test_ctrl_c_leaves_nothing_behind_and_gives_the_cursor_back(shown: str) -> None:
+def test_ctrl_c_leaves_nothing_behind_and_restores_the_cursor(shown: str) -> None:
     with Terminal([*RUN, "hold", "--robots", "2"]) as terminal:
         terminal.until(shown, 30)
         children = psutil.Process(terminal.pid).children()

@@ -1,4 +1,4 @@
-"""A command on a terminal of its own, as an operator sees it."""
+"""A command on its own terminal, as an operator sees it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ATTACH = "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0);
 
 
 class Terminal:
-    """Runs Python on a pseudo-terminal that it has for itself. A context manager: at its end the command is gone.
+    """Runs Python on its own pseudo-terminal. A context manager that stops the command at its end.
 
     Args:
         arguments: of Python.
@@ -48,7 +48,7 @@ class Terminal:
 
     @property
     def pid(self) -> int:
-        """The process's number."""
+        """The process's pid."""
         return self._popen.pid
 
     @property

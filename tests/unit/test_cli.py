@@ -40,7 +40,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def refused(*arguments: str) -> str:
-    """What the command says when it refuses with exit code 2, having touched nothing."""
+    """The output of a command that refuses with exit code 2 and changes nothing."""
     result = CliRunner().invoke(main, arguments, prog_name="muro")
     assert result.exit_code == 2, result.output
     assert os.listdir() in ([], ["lab.toml"])

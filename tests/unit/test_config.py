@@ -51,7 +51,7 @@ def test_the_files_that_we_ship_are_valid(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [*BUILT_IN, *DEPLOYED], ids=lambda path: path.stem)
-def test_a_scenario_can_be_handed_to_a_process(path: Path) -> None:
+def test_a_scenario_can_be_passed_to_a_process(path: Path) -> None:
     scenario = load_scenario(path)
     assert parse_scenario(as_table(scenario), "run.json", name=scenario.name) == scenario
 
@@ -75,7 +75,7 @@ def test_robots_are_made_from_all(given_: int | None, asked: int | None, names: 
     assert [robot.tag for robot in lab.robot.values()] == list(range(names))
 
 
-def test_of_named_robots_the_first_are_taken() -> None:
+def test_of_named_robots_the_first_are_used() -> None:
     table = {"robot": {"anna": {"tag": 4}, "bert": {"tag": 2}, "carl": {"tag": 9}}}
     assert parse(table, robots=2).robots == ("anna", "bert")
 

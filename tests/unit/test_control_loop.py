@@ -55,7 +55,7 @@ def free(behaviour: Behaviour | None = None) -> ControlLoop:
 
 
 @pytest.mark.parametrize(("age", "drives"), [(0.05, True), (0.39, True), (0.41, False), (0.54, False), (60.0, False)])
-def test_a_pose_is_driven_by_for_0_4_s_from_its_capture_on(age: float, drives: bool) -> None:
+def test_a_pose_is_used_for_0_4_s_from_its_capture(age: float, drives: bool) -> None:
     loop = free(Forward())
     (command,) = commands(loop.update(T0 + age, [], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
@@ -71,7 +71,7 @@ def test_the_age_of_a_pose_counts_from_its_capture_and_not_from_its_arrival() ->
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(0.15, True), (0.24, True), (0.26, False), (0.35, False)])
-def test_what_a_behaviour_wanted_is_driven_for_0_25_s(silent: float, drives: bool) -> None:
+def test_an_intent_is_used_for_0_25_s(silent: float, drives: bool) -> None:
     loop = free()
     assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.2, 0.0), abs=0.01)]
     (command,) = commands(loop.update(T0 + silent, [(T0 + silent, fix())], [], NOTHING))
@@ -80,10 +80,8 @@ def test_what_a_behaviour_wanted_is_driven_for_0_25_s(silent: float, drives: boo
 
 
 @pytest.mark.parametrize(("later", "repeated"), [(0.05, False), (0.099, False), (0.101, True), (0.29, True)])
-def test_a_command_is_repeated_after_a_tenth_of_a_second_a_third_of_the_dead_mans_time(
-    later: float, repeated: bool
-) -> None:
-    loop = free()  # a behaviour that is a task of its own, and says nothing
+def test_a_command_is_repeated_after_a_third_of_the_dead_mans_time(later: float, repeated: bool) -> None:
+    loop = free()  # a behaviour that is a task of its own, and makes no calls
     loop.want(T0, FORWARD)
     assert len(commands(loop.update(T0 + later, [], [], NOTHING))) == repeated
 
@@ -116,7 +114,7 @@ def test_a_stop_of_another_robot_commands_nothing() -> None:
     assert commands(loop.take_stop(T0 + 0.01, StopOrder(all=False, names=("r2",), revision=6))) == []
 
 
-def test_a_hold_is_a_command_of_its_own() -> None:
+def test_a_hold_is_commanded_at_once() -> None:
     loop = free()
     loop.want(T0, FORWARD)
     loop.changed = False

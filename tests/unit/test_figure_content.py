@@ -118,7 +118,7 @@ def bars(axes: Axes) -> np.ndarray:
     return np.array([bar.get_height() for container in axes.containers for bar in container])
 
 
-def test_every_figure_has_its_content_told_here() -> None:
+def test_every_figure_has_its_content_specified_here() -> None:
     assert PARTS.keys() == FIGURES.keys()
 
 
@@ -198,7 +198,7 @@ def test_the_default_pursuit_law_is_the_quickest_in_the_figure_and_none_beats_th
     assert min(medians) >= 1.0
 
 
-def test_robots_are_where_the_importance_asks_for_them() -> None:
+def test_the_density_of_robots_follows_the_importance() -> None:
     for axes in axes_of(figure_of("importance_density")):
         found = bars(axes)
         assert found.mean() == pytest.approx(1.0)
@@ -207,7 +207,7 @@ def test_robots_are_where_the_importance_asks_for_them() -> None:
         assert 0.5 * abs(found - 0.5 * (asked[1:, 1] + asked[:-1, 1])).mean() < 0.15
 
 
-def test_coverage_costs_less_and_less() -> None:
+def test_the_cost_of_coverage_decreases() -> None:
     *_, cost = axes_of(figure_of("coverage_cells"))
     (course,) = curves(cost)
     assert len(course) == 61

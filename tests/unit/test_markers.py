@@ -178,7 +178,7 @@ def with_lamps(picture: np.ndarray, count: int, rng: np.random.Generator) -> np.
 
 @pytest.mark.parametrize("family", ["DICT_4X4_50", "DICT_APRILTAG_36h11"])
 @pytest.mark.parametrize("windows", [(13, 13), (9, 19)])
-def test_noise_holds_no_tags(family: str, windows: tuple[int, int]) -> None:
+def test_noise_has_no_tags(family: str, windows: tuple[int, int]) -> None:
     detector = TagDetector(family, windows=windows)
     everywhere = [Marker(i, np.array([[0, 0], [40, 0], [40, 40], [0, 40]]) + 100.0 * i) for i in range(7)]
     for seed in range(3):
@@ -241,7 +241,7 @@ class TestRendered:
         for marker, pose, mount in zip(whole, poses, mounts, strict=True):
             assert np.linalg.norm(marker.corners - scene.tag_corners(pose, mount), axis=1).max() < 1.5
 
-    def test_one_number_at_two_places_is_there_twice(self) -> None:
+    def test_a_number_seen_twice_is_returned_twice(self) -> None:
         scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
         poses = np.array([[-1.0, 0.0, 0.0], [-0.6, 0.0, 1.0], [1.0, 0.0, 0.0]])
         mounts = [TagMount(4, 0.16), TagMount(4, 0.16), TagMount(5, 0.16)]

@@ -72,17 +72,17 @@ def test_an_empty_table_is_the_default() -> None:
     assert read(Outer) == Outer(Parameters())
 
 
-def test_the_keys_of_nested_dataclasses_stand_beside_the_others() -> None:
+def test_the_keys_of_nested_dataclasses_are_lifted() -> None:
     assert read(Parameters, v_min=0.2, turning_radius=1) == Parameters(Profile(0.2, 0.4), turning_radius=1.0)
     assert read(Outer, v_min=0.2, name="deep") == Outer(Parameters(Profile(0.2, 0.4)), "deep")
 
 
-def test_what_is_not_given_is_as_in_the_outer_default() -> None:
+def test_missing_keys_have_the_outer_default() -> None:
     assert read(Parameters, gain=5.0).law == Lqr(0.02, 5.0)
     assert read(Parameters, law="lqr").law == Lqr(0.02)
 
 
-def test_a_name_picks_one_of_several() -> None:
+def test_a_name_selects_a_choice() -> None:
     assert read(Parameters, law="vector_field", k_o=3).law == Field(3.0)
     assert read(Parameters, law="vector_field", gain=3.0).law == Field(gain=3.0)
     assert read(Outer, law="vector_field").inner.law == Field()
@@ -205,7 +205,7 @@ class Nameless:
         (int, "int: expected a dataclass or a Struct"),
     ],
 )
-def test_a_schema_in_which_a_key_would_mean_two_things_is_refused(kind: type, said: str) -> None:
+def test_a_schema_with_an_ambiguous_key_is_refused(kind: type, said: str) -> None:
     with pytest.raises(TypeError, match=re.escape(said)):
         check_schema(kind)
     with pytest.raises(TypeError, match=re.escape(said)):

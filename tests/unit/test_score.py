@@ -141,7 +141,7 @@ def test_percentiles_are_numpy_s(values: list[float], percent: int) -> None:
     assert percentile(values, percent) == pytest.approx(float(np.percentile(values, percent)), abs=1e-9)
 
 
-def test_a_percentile_of_nothing_is_not_known() -> None:
+def test_a_percentile_of_no_values_is_none() -> None:
     assert percentile([], 50) is None
 
 
@@ -539,7 +539,7 @@ class WrongUnit(Checks, frozen=True, kw_only=True):
     ("kind", "said"),
     [(NoSuchKey, "check jerk: got 'jerk_m_s3', expected a key of"), (WrongUnit, "separation: got a limit in 's'")],
 )
-def test_a_check_that_looks_at_nothing_is_refused_where_it_is_declared(kind: type[Checks], said: str) -> None:
+def test_a_check_of_an_unknown_key_is_refused_at_its_declaration(kind: type[Checks], said: str) -> None:
     with pytest.raises(TypeError, match=said):
         judged_checks(kind)
 
@@ -547,7 +547,7 @@ def test_a_check_that_looks_at_nothing_is_refused_where_it_is_declared(kind: typ
 # ---- the page
 
 
-def test_the_page_is_what_the_code_says() -> None:
+def test_the_page_matches_the_code() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert page(text) == text, "run python -m muro_zenoh.scoring docs/scoresheet.md"
 

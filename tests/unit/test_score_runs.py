@@ -27,7 +27,7 @@ def track(*spans: tuple[float, float, float, float, float]) -> list[Moment]:
     ]
 
 
-def test_a_rest_is_long_enough_and_ends_where_it_ends() -> None:
+def test_a_rest_has_a_minimum_duration() -> None:
     found = rests(track((0, 2, 0.0, 0.5, 0), (2, 2.4, 1.0, 0.0, 0), (2.4, 4, 1.0, 0.5, 0), (4, 6, 1.8, 0.001, 0)))
     assert [(round(s.begin, 2), round(s.end, 2)) for s in found] == [(4.0, 5.9)]
     assert found[0].body.x == pytest.approx(1.8019)
@@ -65,7 +65,7 @@ def test_tracking_is_the_distance_from_the_path_in_force() -> None:
     assert peak == 0.6
 
 
-def test_speed_on_an_arc_is_no_speed_on_a_straight() -> None:
+def test_the_speed_on_an_arc_is_not_counted_as_one_on_a_straight() -> None:
     arc = Planned(0.0, Path(Pose2(0.0, 0.0, 0.0), (Segment(2.0, -0.01),)))
     errors, peak = score_tracking([arc], track((0, 1, 0.0, 0.5, 0)))
     assert len(errors) == 10
@@ -131,7 +131,7 @@ def spread(count: int, share_of_left: float) -> list[tuple[float, float]]:
     return [(CIRCLE.x + 0.8 * math.cos(a), CIRCLE.y + 0.8 * math.sin(a)) for a in angles]
 
 
-def test_a_density_that_is_kept_and_one_that_is_not() -> None:
+def test_a_density_that_is_achieved_and_one_that_is_not() -> None:
     assert density_error(spread(7200, 0.75), CIRCLE, HALF) == pytest.approx(0.0, abs=2e-3)
     assert density_error(spread(7200, 0.5), CIRCLE, HALF) == pytest.approx(0.25, abs=2e-3)
     even = Importance.from_function(lambda angle: 1.0)
@@ -139,7 +139,7 @@ def test_a_density_that_is_kept_and_one_that_is_not() -> None:
     assert density_error([], CIRCLE, HALF) is None
 
 
-def test_what_the_built_in_scenarios_ask_for() -> None:
+def test_the_expectations_of_the_built_in_scenarios() -> None:
     dubins = expectations_of(find_scenario("dubins", 3))
     assert set(dubins.goals) == {"r1", "r2", "r3"}
     assert dubins.v_min == 0.1

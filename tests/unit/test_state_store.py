@@ -213,7 +213,7 @@ async def test_stops_add_up() -> None:
     assert stopped(kept) == (True, ("r1", "r2"))
 
 
-async def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
+async def test_a_stop_by_name_does_not_reduce_a_stop_of_all() -> None:
     kept = fresh()
     await kept.add_stop(Stop())
     await kept.add_stop(Stop(names=("r1",)))
@@ -339,7 +339,7 @@ async def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None
     def publish() -> None:
         for name, latch in latches.items():
             order = kept.stop
-            latches[name] = latch.hear(name, everybody=order.all, names=order.names, revision=order.revision)
+            latches[name] = latch.receive(name, all_robots=order.all, names=order.names, revision=order.revision)
 
     publish()
     await kept.add_stop(Stop())
@@ -347,7 +347,7 @@ async def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None
     await kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
     publish()
     for name, latch in latches.items():
-        assert not kept.adopt(name, reports(latch.stopped, latch.revision, latch.everybody))
+        assert not kept.adopt(name, reports(latch.stopped, latch.revision, latch.all_robots))
     assert stopped(kept) == (False, ("r2", "r3"))
     assert latches["r1"].may_drive
 
@@ -425,8 +425,8 @@ async def test_a_newer_revision_is_taken_over_with_a_stop_that_is_kept_already(e
     assert stopped(kept) == (everybody, () if everybody else ("r1",))
     assert kept.stop.revision > 40
     await kept.resume(Resume(revision=kept.stop.revision))
-    latch = StopLatch(heard=True, stopped=True, everybody=everybody, revision=40)
-    lifted = latch.hear("r1", everybody=kept.stop.all, names=kept.stop.names, revision=kept.stop.revision)
+    latch = StopLatch(received=True, stopped=True, all_robots=everybody, revision=40)
+    lifted = latch.receive("r1", all_robots=kept.stop.all, names=kept.stop.names, revision=kept.stop.revision)
     assert lifted.may_drive
 
 

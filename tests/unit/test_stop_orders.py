@@ -52,7 +52,7 @@ class Agent:
         latch = self.latch
         said = {
             "stop_latched": latch.stopped,
-            "stop_all": latch.everybody,
+            "stop_all": latch.all_robots,
             "stop_revision": max(latch.revision, 0),
             **changed,
         }
@@ -63,7 +63,7 @@ class Agent:
             if self.deaf:
                 continue
             order, before = received.message, self.latch
-            self.latch = before.hear(self.name, everybody=order.all, names=order.names, revision=order.revision)
+            self.latch = before.receive(self.name, all_robots=order.all, names=order.names, revision=order.revision)
             if self.latch != before:
                 self.report()
 
@@ -162,7 +162,7 @@ async def test_a_robot_that_connects_while_the_stop_is_given_hears_of_it(there: 
     there.network._kept.clear()  # nothing but the repetition can tell it
     late = await there.agents("r1")
     assert (await stopping).robots == {"r1": StopStatus.STOPPED}
-    assert late["r1"].latch.everybody
+    assert late["r1"].latch.all_robots
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ async def test_who_knows_no_state_sends_revision_0_and_stops_only_those_named(th
     result = await stop_robots(there.operator, ("r1",))
     assert result.robots == {"r1": StopStatus.STOPPED}
     assert (agents["r1"].latch.stopped, agents["r1"].latch.revision) == (True, 0)
-    assert not agents["r2"].latch.heard
+    assert not agents["r2"].latch.received
 
 
 @virtual
@@ -208,7 +208,7 @@ async def test_a_stop_by_name_after_one_to_everybody_lifts_nobodys(there: Lab) -
     assert (await stop_robots(there.operator, ("r1",))).confirmed
     await asyncio.sleep(1.0)
     assert store.stop.all
-    assert all(agent.latch.everybody for agent in agents.values())
+    assert all(agent.latch.all_robots for agent in agents.values())
 
 
 @virtual
@@ -216,7 +216,7 @@ async def test_without_a_base_station_a_stop_by_name_lifts_nobodys_either(there:
     agents = await there.agents("r1", "r2")
     assert (await stop_robots(there.operator, ())).confirmed
     assert (await stop_robots(await there.join(Role.OPERATOR), ("r1",))).confirmed
-    assert all(agent.latch.everybody for agent in agents.values())
+    assert all(agent.latch.all_robots for agent in agents.values())
 
 
 # ---- what is taken for confirmed

@@ -15,14 +15,14 @@ def waiting(caplog: pytest.LogCaptureFixture) -> WaitingLog:
     return WaitingLog(logging.getLogger("lab"), "waiting", "all is there")
 
 
-def test_it_is_logged_once_when_it_has_lasted(waiting: WaitingLog, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_long_wait_is_logged_once(waiting: WaitingLog, caplog: pytest.LogCaptureFixture) -> None:
     for k in range(600):
         waiting.note(100.0 + k / 10, [f"no frames for {k / 10:.1f} s", "no agent of r1"])
         assert len(caplog.messages) == (k >= 30)
     assert caplog.messages == ["waiting: no frames for 3.0 s; no agent of r1"]
 
 
-def test_what_does_not_last_is_not_logged(waiting: WaitingLog, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_short_wait_is_not_logged(waiting: WaitingLog, caplog: pytest.LogCaptureFixture) -> None:
     for k in range(100):
         waiting.note(100.0 + k, [] if k % 3 == 2 else ["no agent of r1"])
         waiting.note(100.9 + k, [] if k % 3 == 2 else ["no agent of r1"])

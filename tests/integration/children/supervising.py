@@ -1,4 +1,4 @@
-"""A parent to be killed: supervises a dummy child for each argument, which are what the children do."""
+"""A parent to be killed: supervises a dummy child for each argument, which tells the child what to do."""
 
 # ruff: noqa: T201 - a child speaks on its output
 

@@ -1,4 +1,4 @@
-"""Reads one robot's odometry and says ``GOT seq stamp age`` of each message: ``reader.py ENDPOINT REALM NAME``."""
+"""Reads one robot's odometry and prints ``GOT seq stamp age`` for each message: ``reader.py ENDPOINT REALM NAME``."""
 
 import sys
 
