@@ -82,7 +82,10 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
     # Not the truth: it is the observer's alone, and nobody else's to be confused by.
     keys = [key for key in keys if not key.startswith("muro/truth/")]
     kinds = {f"muro/{c.word}": encoding_of(c.kind) for c in channels.CHANNELS}
-    restarts = {name: fleet.process[name].pid for name in fleet.process}
+
+    def all_run() -> None:
+        ended = [name for name, process in fleet.process.items() if not process.running]
+        assert not ended, "\n".join(fleet.process[name].last_lines() for name in ended)
 
     def payload() -> bytes:
         return noise.choice(
@@ -112,8 +115,8 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
                 session.put("muro/camera/north", msgpack.packb(frame))
             for verb in channels.VERBS:
                 session.get(f"muro/basestation/{verb.word}", lambda _: None, payload=payload(), timeout=0.5)
-            await fleet.until(lambda: True, 1, "the processes live")
             await asyncio.sleep(0.05)
+            all_run()
     finally:
         session.close()
 
@@ -129,7 +132,24 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
     assert fleet.number("basestation", "bad_frames") > 10
     await fleet.ask(channels.SET_CIRCLE, SetCircle(radius=0.7))
     await fleet.until(lambda: fleet.radius_error() < 0.03, 20, "the fleet obeys")
-    assert {name: process.pid for name, process in fleet.process.items()} == restarts
+    all_run()  # nobody would have started them again
+
+
+async def test_a_robot_that_does_not_confirm_a_stop_is_named(fleet: RealFleet) -> None:
+    fleet.process["r2"].send(signal.SIGSTOP)
+    order = fleet.muro("stop")
+    assert order.returncode == 1, order.stdout + order.stderr
+    assert "r1: has stopped\n" in order.stdout
+    assert "r3: has stopped\n" in order.stdout
+    # Its lease may be over by the time that it was waited for.
+    assert "r2: DOES NOT CONFIRM\n" in order.stdout or "r2: is not alive\n" in order.stdout
+    await fleet.until(fleet.standing, 5, "all stand, r2 by its dead-man")
+    fleet.process["r2"].send(signal.SIGCONT)
+    await fleet.until(lambda: fleet.health["r2"].stop_latched, 5, "r2 hears of it")
+    await fleet.throughout(lambda: fleet.standing("r2"), 1.0, "r2 stands on")
+    order = fleet.muro("stop")
+    assert order.returncode == 0, order.stdout + order.stderr
+    assert "r2: has stopped\n" in order.stdout
 
 
 async def test_the_router_and_then_the_simulator_die(fleet: RealFleet) -> None:

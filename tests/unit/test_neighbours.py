@@ -63,9 +63,7 @@ def test_a_neighbour_that_no_camera_sees_is_not_on_the_ring(state: RobotStatus, 
 
 
 @pytest.mark.parametrize(("stopped", "counts"), [({"r2"}, False), ({"r2", "r3"}, False), ({"r3"}, True)])
-def test_a_neighbour_that_was_stopped_is_not_on_the_ring_while_it_still_moves(
-    stopped: set[str], counts: bool
-) -> None:
+def test_a_neighbour_that_was_stopped_is_not_on_the_ring_while_it_still_moves(stopped: set[str], counts: bool) -> None:
     seen = seen_by_r1({"r2": (0.6, "tracking")}, stopped=frozenset(stopped))
     assert speed(seen) == (CLOSE_AHEAD if counts else ALONE)
 
@@ -103,7 +101,11 @@ async def test_a_snapshot_grows_older_until_the_behaviour_sees_it() -> None:
 
 
 def test_a_users_neighbours_are_as_old_as_they_are_now() -> None:
-    others: dict[str, tuple[float, RobotStatus]] = {"r1": (0.0, "tracking"), "r2": (0.6, "tracking"), "r3": (2.0, "lost")}
+    others: dict[str, tuple[float, RobotStatus]] = {
+        "r1": (0.0, "tracking"),
+        "r2": (0.6, "tracking"),
+        "r3": (2.0, "lost"),
+    }
     seen = seen_by_r1(others, age=0.1, snapshot_age=0.3)
 
     def no_mailbox() -> Latest[object]:

@@ -305,7 +305,7 @@ async def test_a_stop_that_was_lifted_is_not_adopted_again(restarted: bool, tmp_
 async def test_a_stop_kept_since_the_resume_hides_no_other_one_over_a_restart_either(
     restarted: bool, tmp_path: Path
 ) -> None:
-    """r1 received an operator's stop itself; before it has reported it, r2 is stopped, and the base station restarts."""
+    """r1 received an operator's stop itself; before it has reported it r2 is stopped, and the base station restarts."""
     path = tmp_path / "state.json"
     kept = fresh(path)
     await kept.add_stop(Stop())
