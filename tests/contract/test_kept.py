@@ -100,6 +100,8 @@ async def test_a_tap_begins_with_the_next_message_where_it_is_not(network: Netwo
     writer, reader = await network.open(), await network.open()
     out = writer.publisher(channels.CAL_OMEGA, "r1")
     out.put(Calibration(value=1.1, sigma=0.1))
+    other = (await network.open()).latest(channels.CAL_OMEGA, "r1")
+    await within(3, other.next(), "the value")  # it is not on its way any more
     tap = reader.tap(f"{network.realm}/cal0/r1")
 
     async def send() -> None:

@@ -56,12 +56,17 @@ async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
         await fleet.until(lambda: abs(fleet.truth["r1"].v - 0.1) < 0.01, 10, "r1 at the foreign program's speed")
         await fleet.throughout(lambda: abs(fleet.truth["r2"].v - 0.1) > 0.05, 0.5, "r2 at its own")
         other.kill()
-    await fleet.until(lambda: fleet.says("r1", "the velocity is silent") and fleet.standing("r1"), 5, "r1 holds")
+    await fleet.until(lambda: fleet.says("r1", "no velocity for") and fleet.standing("r1"), 5, "r1 holds")
 
 
 async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> None:
-    await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="fly", names=("r2",)))
-    await fleet.until(lambda: fleet.says("r2", "got 'fly', expected one of circle, pursuit"), 5, "r2 says why")
+    order = fleet.muro("set", "behaviour", "fly", "--robot", "r2")
+    assert (order.returncode, "got 'fly', expected one of circle" in order.stdout) == (1, True), order.stdout
+    assert fleet.driving("r2")
+    # What only the robot can load, only the robot can refuse.
+    order = fleet.muro("set", "behaviour", "nolab:fly", "--robot", "r2")
+    assert (order.returncode, "r2: cannot run it: " in order.stdout) == (1, True), order.stdout
+    await fleet.until(lambda: fleet.says("r2", "No module named 'nolab'"), 5, "r2 says why")
     await fleet.until(lambda: fleet.standing("r2"), 3, "r2 stands")
     assert fleet.process["r2"].running
     assert fleet.driving("r3")
