@@ -1,14 +1,13 @@
 """One robot's control loop: fix -> filter -> state -> step -> safety -> command.
 
-Events go in, messages come out. It knows no bus and reads no clock, so that a test, a replay or a fleet in virtual time
-runs the very loop that drives a robot.
+Events go in, messages come out. It uses no bus and no clock, so that a test, a replay or a fleet in virtual time runs
+the same loop as a robot.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -29,29 +28,28 @@ from muro_zenoh.messages import (
     StopOrder,
     VelocityCommand,
 )
-from muro_zenoh.safety.gate import reasons_to_stand
+from muro_zenoh.runtime.waiting import without_numbers
+from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
 from muro_zenoh.safety.stop import StopLatch
 
 log = logging.getLogger(__name__)
 
 Outgoing = list[tuple[Channel[Any], Message]]
-"""Messages to be sent, each under this robot's name."""
+"""Messages to send, each under this robot's name."""
 
 _REPEAT = 0.1
-"""A command is repeated, or zeroed, when none was sent for this long [s]; the base's dead-man acts after 0.3 s."""
+"""A command is repeated, or set to zero, when none was sent for this time [s]; the base's dead-man acts after 0.3 s."""
 
 _INTENT_TIMEOUT = 0.25
-"""What a behaviour wanted longer ago than this is not wanted any more [s]."""
+"""An intent older than this is ignored [s]."""
 
 _FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
 
-_NUMBER = re.compile(r"[0-9.]+")
-
 
 class Surroundings(NamedTuple):
-    """What others say, at one moment: ``circle`` to follow; ``speed`` on ``velocity/<name>`` [m/s], None when it is not
-    fresh, and its age [s]; the ``snapshot`` of all robots, None when it is not fresh, and its age [s]."""
+    """What was received from other processes, at one moment: the ``circle``; the ``speed`` on ``velocity/<name>``
+    [m/s], None when stale, and its age [s]; the ``snapshot`` of all robots, None when stale, and its age [s]."""
 
     circle: Circle | None = None
     speed: float | None = None
@@ -61,20 +59,21 @@ class Surroundings(NamedTuple):
 
 
 class ControlLoop:
-    """The loop of one robot. Every time is of one local clock [s].
+    """The loop of one robot. All times are from one local clock [s].
 
     Args:
         name: the robot's name.
         robot: its settings.
 
     Attributes:
-        latch: what is known of the stop order.
-        reasons: why the robot is stationary, most important first; empty while it may drive.
-        seen: what there was to see at the newest estimate; None before the first.
-        changed: the latch or the reasons changed; for the health report to clear.
-        fixes: fixes used since the start.
-        commands: commands sent since the start.
-        pose_ages: from capture to the estimate that used it, of each fix since it was last emptied [s].
+        latch: the stop latch.
+        reasons: why the robot must not drive, most important first; empty while it may drive.
+        seen: the observations at the newest estimate; None before the first.
+        changed: whether the latch or the reasons have changed; the health report clears it.
+        fixes: number of accepted fixes since the start.
+        commands: number of commands sent since the start.
+        pose_ages: for each accepted fix, the time from capture to the estimate that used it [s]; the health report
+            clears it.
     """
 
     def __init__(self, name: str, robot: RobotSettings) -> None:
@@ -95,6 +94,7 @@ class ControlLoop:
         self._intended = -math.inf
         self._sent = -math.inf
         self._calibrated = -math.inf
+        self._ended = False
 
     # ---- events
 
@@ -105,14 +105,16 @@ class ControlLoop:
         odometry: Iterable[tuple[float, float, float]],
         around: Surroundings,
     ) -> Outgoing:
-        """Estimate, ask the behaviour, command: at each fix, and by the clock when a fix is overdue.
+        """Estimate, step the behaviour, command; called at each fix, and by the clock when a fix is overdue.
 
         Args:
             now: the time.
-            fixes: those that have arrived, each with its time of capture.
-            odometry: rows t [s], v [m/s], omega [rad/s] that have arrived, in order.
-            around: what others say.
+            fixes: new fixes, each with its time of capture.
+            odometry: new rows t [s], v [m/s], omega [rad/s], in order.
+            around: what was received from other processes.
         """
+        if self._ended:
+            return []
         for t, v, omega in odometry:
             self._filter.twist(t, v, omega)
         for captured, fix in fixes:
@@ -130,33 +132,34 @@ class ControlLoop:
                 self._intend(now, self._behaviour.step(seen), out)
                 self._command(now, out)
                 return out
-        # A behaviour that is a task of its own sends its command when it has chosen one.
+        # A behaviour that is a task of its own commands by want(); here its command is only repeated or set to zero.
         if now - self._sent >= _REPEAT:
             self._command(now, out)
         return out
 
     def behave(self, behaviour: Behaviour | None) -> None:
-        """Ask this behaviour from now on; None when a task of its own says what it wants by :meth:`want`.
+        """Step this behaviour from now on; None for a behaviour that is a task of its own and calls :meth:`want`.
 
         Args:
-            behaviour: which.
+            behaviour: the behaviour.
         """
         self._behaviour = behaviour
 
     def want(self, now: float, intent: Intent) -> Outgoing:
-        """Take what a behaviour wants now, and command.
+        """Take a behaviour's intent, and command.
 
         Args:
             now: the time.
-            intent: what it wants.
+            intent: the intent.
         """
         out: Outgoing = []
-        self._intend(now, intent, out)
-        self._command(now, out)
+        if not self._ended:
+            self._intend(now, intent, out)
+            self._command(now, out)
         return out
 
     def take_stop(self, now: float, order: StopOrder) -> Outgoing:
-        """Take a stop order, from whomever it comes; command zero at once when it stops this robot.
+        """Take a stop order from any sender; command zero at once when it stops this robot.
 
         Args:
             now: the time.
@@ -168,18 +171,20 @@ class ControlLoop:
         if order.revision >= self.latch.revision:
             self._stopped_names = frozenset(order.names)
         out: Outgoing = []
-        if not self.latch.may_drive:
+        if not self.latch.may_drive and not self._ended:
             self._command(now, out)
         return out
 
     def end(self, now: float) -> Outgoing:
-        """The last command: zero.
+        """The last command: zero. No command follows it, even when a behaviour that has not ended still calls.
 
         Args:
             now: the time.
         """
         self._behaviour = None
-        return self.want(now, hold("the agent is leaving"))
+        out = self.want(now, hold("the agent is shutting down"))
+        self._ended = True
+        return out
 
     # ---- from fix to state
 
@@ -189,7 +194,7 @@ class ControlLoop:
             self.fixes += 1
             self.pose_ages.append(now - captured)
         if result.restarted:
-            log.warning("the fixes have left the track: starting anew at (%.2f, %.2f)", fix.x, fix.y)
+            log.warning("the fixes disagree with the track: restarting the filter at (%.2f, %.2f)", fix.x, fix.y)
 
     def _look(self, now: float, estimate: PoseEstimate, around: Surroundings) -> Seen:
         return Seen(
@@ -217,13 +222,15 @@ class ControlLoop:
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent = self._estimate, self._intent
-        reasons = reasons_to_stand(
+        # A behaviour that is asked at each estimate has not been asked before the first: what is missing is the pose.
+        asked = self._behaviour is None or estimate is not None
+        reasons = reasons_to_hold(
             latch=self.latch,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
             fix_limit=channels.POSE.stale_after,
-            twist_age=now - self._intended,
+            twist_age=now - self._intended if asked else 0.0,
             twist_limit=_INTENT_TIMEOUT,
-            hold=intent.reason if intent.twist is None else "",
+            hold=intent.reason if asked and intent.twist is None else "",
         )
         command = STILL
         if not reasons and estimate is not None and intent.twist is not None:
@@ -234,17 +241,12 @@ class ControlLoop:
                 v_max=self._robot.v_max,
                 omega_max=self._robot.omega_max,
             )
-        self.changed |= _without_numbers(reasons) != _without_numbers(self.reasons)
+        self.changed |= without_numbers(reasons) != without_numbers(self.reasons)
         self.reasons = reasons
         self._sent = now
         self.commands += 1
         self._filter.command(now, command.v, command.omega)
         out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
-
-
-def _without_numbers(reasons: tuple[str, ...]) -> str:
-    """Reasons but for the ages in them: what does not change from one estimate to the next."""
-    return _NUMBER.sub("", "|".join(reasons)) if reasons else ""
 
 
 def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
@@ -260,5 +262,5 @@ def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
 
 
 def _calibration(scale: float, sigma: float) -> Calibration:
-    """The factor that undoes a drive scale; its standard deviation to first order."""
+    """The factor that corrects a drive scale, and its standard deviation to first order."""
     return Calibration(value=1.0 / scale, sigma=sigma / scale**2)

@@ -1,12 +1,13 @@
 """What a plan costs: Dubins beside OMPL, and Voronoi cells beside shapely alone, alternating in one run.
 
-python benchmarks/planning.py [--json FILE]
+Every row of cells is the cells of all robots: the library computes them together, a fleet's agents each their own.
+
+    python benchmarks/planning.py [--json FILE]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import statistics
 import time
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from benchmarks.rows import write
 from muro_zenoh.geometry import Bounds, Pose2
 from muro_zenoh.planning.coverage import Point, cell, cells
 from muro_zenoh.planning.dubins import all_words, plan, shortest_word
@@ -91,8 +93,8 @@ def cell_rows(robots: int) -> list[dict[str, Any]]:
             reference: lambda: [
                 shapely.voronoi_polygons(shapely.MultiPoint(sites), extend_to=box, ordered=True) for sites in rings
             ],
-            "cells (half-planes)": lambda: [cells(sites, ARENA) for sites in rings],
-            "cell (half-planes, one robot's own)": lambda: [cell(0, sites, ARENA) for sites in rings],
+            "all cells at once": lambda: [cells(sites, ARENA) for sites in rings],
+            "each agent its own cell": lambda: [[cell(k, sites, ARENA) for k in range(robots)] for sites in rings],
         },
         len(rings),
     )
@@ -112,8 +114,7 @@ def main() -> None:
     for row in rows:
         ratio = "" if row["ratio"] is None else f"{row['ratio']:.2f}"
         print(f"{row['what']:<14}{row['how']:<38}{row['us']:>10.2f}{ratio:>8}")
-    if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    write(arguments.json, rows)
 
 
 if __name__ == "__main__":

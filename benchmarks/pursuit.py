@@ -1,8 +1,8 @@
 """How fast the pursuit laws space a bunch evenly, beside the least time that there is: lock-step, clean and noisy.
 
 Ten robots at random in 60 degrees of a circle of 1.1 m, speeds of 0.05 to 0.4 m/s, 50 starts from a fixed seed. The
-ratio is the time after which the spacing error stays below 0.1 rad, over the bound: the least T for which every angle
-to travel lies in [v_min T / r, v_max T / r].
+ratio is the time after which the spacing error stays below 0.1 rad, over the bound: the least T in which robots between
+v_min and v_max could have all gaps within the same 0.1 rad.
 
     python benchmarks/pursuit.py [--json FILE]
 """
@@ -10,7 +10,6 @@ to travel lies in [v_min T / r, v_max T / r].
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.rows import cell, quantile, write
 from muro_zenoh.control.circle import circle_law
 from muro_zenoh.control.pursuit import PURSUIT_LAWS, pursuit_law
 from muro_zenoh.geometry import Circle
@@ -45,7 +45,7 @@ def measure(trials: int, seconds: float, laws: Iterable[str] = LAWS) -> list[dic
     """The rows of all laws in both loops."""
     starts = draw_starts(trials)
     angles = np.arctan2(starts[..., 1], starts[..., 0])
-    bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX)
+    bound = equal_spacing_bound(angles, CIRCLE.clockwise, CIRCLE.radius, V_MIN, V_MAX, BAND)
     default = pursuit_law().NAME
     rows = []
     for name in laws:
@@ -62,24 +62,14 @@ def measure(trials: int, seconds: float, laws: Iterable[str] = LAWS) -> list[dic
                     "law": name,
                     "default": name == default,
                     "loop": loop,
-                    "median": finite(np.quantile(ratio, 0.5, method="higher")),
-                    "p90": finite(np.quantile(ratio, 0.9, method="higher")),
+                    "median": quantile(ratio, 0.5),
+                    "p90": quantile(ratio, 0.9),
                     "bound_s": round(float(np.median(bound)), 2),
                     "unsettled": int(np.isinf(settled).sum()),
                     "starts": trials,
                 }
             )
     return rows
-
-
-def finite(value: float) -> float | None:
-    """A number that JSON has; None for one that never came."""
-    return round(float(value), 4) if math.isfinite(value) else None
-
-
-def text(value: float | None) -> str:
-    """A cell of the table."""
-    return f"{'never' if value is None else format(value, '.3f'):>8}"
 
 
 def main() -> None:
@@ -89,13 +79,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=120.0, help="length of a run (default %(default)s)")
     arguments = parser.parse_args()
     rows = measure(arguments.starts, arguments.seconds)
-    print(f"{rows[0]['starts']} starts, bound {rows[0]['bound_s']} s (median); time to {BAND} rad over the bound")
+    print(f"{rows[0]['starts']} starts, bound {rows[0]['bound_s']} s (median); both to {BAND} rad")
     print(f"{'law':<16}{'loop':<8}{'median':>8}{'p90':>8}{'unsettled':>11}   goal of the median")
     for row in rows:
         goal = f"<= {GOAL:.2f}" if row["default"] else ""
-        print(f"{row['law']:<16}{row['loop']:<8}{text(row['median'])}{text(row['p90'])}{row['unsettled']:>11}   {goal}")
-    if arguments.json is not None:
-        arguments.json.write_text(json.dumps(rows, indent=2) + "\n")
+        print(f"{row['law']:<16}{row['loop']:<8}{cell(row['median'])}{cell(row['p90'])}{row['unsettled']:>11}   {goal}")
+    write(arguments.json, rows)
 
 
 if __name__ == "__main__":

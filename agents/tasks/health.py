@@ -1,15 +1,20 @@
-"""Says how the agent is: once a second, and at once when the robot starts or stops to drive."""
+"""Reports the agent's health once a second, and at once when the robot starts or stops driving."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
+from agents.tasks.control import Signals
 from muro_zenoh import channels
 from muro_zenoh.messages import Health
+from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus
+
+log = logging.getLogger(__name__)
 
 _PERIOD = channels.HEALTH.period
 
@@ -19,30 +24,30 @@ async def report_health(
     name: str,
     loop: ControlLoop,
     runner: BehaviourRunner,
-    wake: asyncio.Event,
-    latencies: list[float],
+    signals: Signals,
 ) -> None:
     """Report until cancelled.
 
     Args:
         bus: the bus.
         name: the robot's name.
-        loop: the control loop; its lists of measurements are emptied.
-        runner: the behaviour that runs.
-        wake: set when there is something new to say; it is cleared.
-        latencies: from the arrival of each fix to the command that used it [s]; emptied.
+        loop: the control loop; its measurements are cleared.
+        runner: runs the behaviour.
+        signals: wakes this task; its latencies are cleared.
     """
     publisher = bus.publisher(channels.HEALTH, name)
+    waiting = WaitingLog(log, "stationary", "no longer stationary")
     commands, since, rate = 0, bus.clock.now(), 0.0
     while True:
         now = bus.clock.now()
         if now - since > 0.5 * _PERIOD:
             rate = (loop.commands - commands) / (now - since)
             commands, since = loop.commands, now
-        samples = {"pose_age_s": tuple(loop.pose_ages), "pose_to_command_s": tuple(latencies)}
+        samples = {"pose_age_s": tuple(loop.pose_ages), "pose_to_command_s": tuple(signals.latencies)}
         loop.pose_ages.clear()
-        latencies.clear()
+        signals.latencies.clear()
         loop.changed = False
+        waiting.note(now, loop.reasons)
         publisher.put(
             Health(
                 role="agent",
@@ -55,6 +60,7 @@ async def report_health(
                     **bus.numbers(),
                 },
                 samples=samples,
+                failure=runner.failure,
                 stop_latched=loop.latch.stopped,
                 stop_all=loop.latch.everybody,
                 stop_revision=max(loop.latch.revision, 0),
@@ -62,11 +68,13 @@ async def report_health(
         )
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_PERIOD):
-                await wake.wait()
-        wake.clear()
+                await signals.changed.wait()
+        signals.changed.clear()
 
 
 def _state(loop: ControlLoop, runner: BehaviourRunner) -> str:
+    if runner.outcome:
+        return runner.outcome
     if loop.latch.stopped:
         return "stopped"
     if loop.reasons:

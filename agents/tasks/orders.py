@@ -3,42 +3,50 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
-from agents.tasks.control import Sender
+from agents.tasks.control import Sender, Signals
 from muro_zenoh import channels
 from muro_zenoh.messages import Goal, Reply
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Bus
 
+_FIRST_POSE_TIMEOUT = 0.7
+"""How long a goal waits for the robot's first pose [s]."""
 
-async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, wake: asyncio.Event) -> None:
+
+async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signals) -> None:
     """Take every stop order, and command zero at once when it stops this robot.
 
     Args:
         bus: the bus.
         loop: the control loop, which holds the latch.
         sender: sends the command.
-        wake: set when the latch changes.
+        signals: wakes the health report.
     """
     async for order in bus.every(channels.STOP, depth=16):
         sender.send(loop.take_stop(bus.clock.now(), order.message))
         if loop.changed:
-            wake.set()
+            signals.changed.set()
 
 
-def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner) -> None:
-    """Answer every goal that is sent to this robot: taken, or why not.
+def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner, signals: Signals) -> None:
+    """Answer every goal for this robot: accepted, or refused with the reason.
 
     Args:
         bus: the bus.
         name: the robot's name.
-        loop: for what there is to see.
-        runner: the behaviour that takes goals, or does not.
+        loop: the control loop, which has the current observations.
+        runner: passes the goals to the behaviour.
+        signals: for the first pose, because an agent may have just started.
     """
 
-    def answer(goal: Goal) -> Reply:
+    async def answer(goal: Goal) -> Reply:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_FIRST_POSE_TIMEOUT):
+                await signals.located.wait()
         seen = loop.seen
         if seen is None:
             return Reply(accepted=False, reason=f"{name} has no pose yet, so it cannot plan")

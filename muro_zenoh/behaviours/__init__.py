@@ -1,1 +1,1 @@
-"""What a robot can be told to do: one file each, named nowhere else."""
+"""The behaviours that a robot can run: one file each, and named only there."""

@@ -25,11 +25,11 @@ from muro_zenoh.quantities import SpeedOrRest, check_quantities
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:
-    """Parameters of following the circle.
+    """Parameters of circle following.
 
     Args:
         law: ``vector_field``, ``passivity`` or ``lqr``, with its gains.
-        speed: while nobody has ever said another on ``muro/velocity/<name>`` [m/s].
+        speed: default speed until the first one is received on ``muro/velocity/<name>`` [m/s].
     """
 
     law: VectorFieldGains | PassivityGains | LqrGains = VectorFieldGains()
@@ -40,7 +40,7 @@ class Parameters:
 
 
 class CircleFollowing(Behaviour):
-    """Follow the circle at the speed that is said, or at a default one as long as nobody has ever said any.
+    """Follow the circle at the received speed, or at a default speed until the first one is received.
 
     Args:
         law: the circle law.
@@ -55,13 +55,13 @@ class CircleFollowing(Behaviour):
         """Follow the circle.
 
         Args:
-            seen: the circle, the speed, and where the robot is; floats or arrays.
+            seen: the circle, the speed and the robot's state; floats or arrays.
         """
         if seen.circle is None:
             return hold("no circle received yet")
         speed: Any = seen.speed
         if speed is None:
-            if seen.speed_age < math.inf:  # whoever set the speed has fallen silent: no default takes his place
+            if seen.speed_age < math.inf:  # the publisher of the speed has timed out: the default must not replace it
                 return hold(f"no velocity for {seen.speed_age:.1f} s")
             speed = self._speed + 0.0 * seen.ahead.x
         return Intent(circle_twist(seen.ahead, speed, seen.circle, self._law))
@@ -72,7 +72,7 @@ def make(parameters: Parameters, vehicle: Vehicle) -> CircleFollowing:
 
     Args:
         parameters: the law and the default speed.
-        vehicle: any.
+        vehicle: not used.
     """
     return CircleFollowing(CircleLaw(parameters.law), parameters.speed)
 
@@ -82,10 +82,10 @@ def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
 
     Args:
         circle: the circle.
-        fleet: the robots; of one arena.
+        fleet: the robots; all in one arena.
 
     Raises:
-        ParameterError: it is too large for the place of its centre.
+        ParameterError: the circle is too large for its centre.
     """
     body = max(vehicle.radius for vehicle in fleet)
     arena = fleet[0].arena
@@ -93,16 +93,16 @@ def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
     if circle.radius > edge - body:
         raise ParameterError(
             "circle.radius",
-            got=f"{circle.radius:g} m round ({circle.x:g}, {circle.y:g})",
+            got=f"{circle.radius:g} m around ({circle.x:g}, {circle.y:g})",
             expected=f"at most {max(edge - body, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
         )
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse what a fleet cannot do on this circle.
+    """Refuse a circle that the fleet cannot follow.
 
     Args:
-        parameters: any.
+        parameters: not used.
         circle: the circle.
         fleet: the robots.
 
@@ -115,7 +115,7 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
 BEHAVIOUR = BehaviourKind(
     Parameters,
     make,
-    "follow the circle at the speed of velocity/<name>, or at a default speed",
+    "follow the circle at the speed received on velocity/<name>, or at a default speed",
     needs=frozenset({Need.CIRCLE, Need.SPEED}),
     expects=lambda parameters: Expectation(on_circle=True),
     fits=fits,

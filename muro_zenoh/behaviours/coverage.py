@@ -1,4 +1,4 @@
-"""Deploy over the floor: each robot to the centroid of its Voronoi cell, round after round (Lloyd)."""
+"""Deploy over the floor: each robot drives to the centroid of its Voronoi cell, round after round (Lloyd)."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from muro_zenoh.planning.itinerary import Itinerary
 from muro_zenoh.quantities import Duration, Length, Positive, check_quantities
 
 _REST = 0.01
-"""A robot slower than this [m/s] ..."""
+"""A stationary robot is slower than this [m/s] ..."""
 
 _REST_TURNING = 0.1
-"""... that turns slower than this [rad/s] is at rest."""
+"""... and turns slower than this [rad/s]."""
 
 _OUTSIDE = 1.0
-"""A robot farther than this outside the arena is ignored [m]."""
+"""A robot further than this outside the arena is ignored [m]."""
 
 _SHOW_PERIOD = 1.0
 
@@ -44,13 +44,13 @@ class Parameters:
 
     Args:
         ride: how to drive.
-        hold_time: the next round begins when all robots have been at rest for this time [s].
-        stay_within: a robot this near its cell's centroid stays where it is [m].
-        peaks: density: rows ``[x, y, width, height]`` [m, world] of Gaussian peaks; none for all places alike.
+        hold_time: the next round begins when all robots have been stationary for this time [s].
+        stay_within: a robot within this distance of its cell's centroid does not move [m].
+        peaks: density: rows ``[x, y, width, height]`` [m, world] of Gaussian peaks; none for a uniform density.
         floor: density far from every peak.
 
     Raises:
-        ParameterError: a number outside its limits, or a row of peaks that is none.
+        ParameterError: a number outside its limits, or a malformed row of peaks.
     """
 
     ride: RideParameters = RideParameters()
@@ -64,10 +64,10 @@ class Parameters:
         self.density()
 
     def density(self) -> Density | None:
-        """How much each place matters; None for all alike.
+        """The density over the floor; None for uniform.
 
         Raises:
-            ParameterError: a row of peaks that is none.
+            ParameterError: a malformed row of peaks.
         """
         for index, row in enumerate(self.peaks):
             if len(row) != 4:
@@ -77,13 +77,13 @@ class Parameters:
 
 
 class Coverage(Behaviour):
-    """Go to the centroid of this robot's own cell, again and again, in rounds that all robots see alike.
+    """Drive to the centroid of this robot's own cell, in rounds that begin for all robots together.
 
-    Every robot judges the same snapshots by their own stamps, so a round begins for all of them at once: judged by each
-    robot's clock and estimate, the first to go would make the others wait for it.
+    Every robot decides from the same snapshots and their stamps, so a round begins for all of them at once. Decided by
+    each robot's own clock and estimate, the first to start would make all others wait for it.
 
     Args:
-        parameters: of the deployment.
+        parameters: parameters of the deployment.
         vehicle: this robot.
     """
 
@@ -92,17 +92,17 @@ class Coverage(Behaviour):
         self._parameters = parameters
         self._density = parameters.density()
         self._inside = vehicle.arena.shrunk(vehicle.radius)
-        self._ride = GoalRide(parameters.ride.settings(vehicle), Itinerary(), "at rest, until all are")
+        self._ride = GoalRide(parameters.ride.settings(vehicle), Itinerary(), "waiting for the other robots")
         self._epoch = -1
         self._stamp = self._shown_at = -math.inf
         self._round = Round()
         self._rested: dict[str, _Mean] = {}
 
     def step(self, seen: Seen) -> Intent:
-        """Look whether a round begins, and drive on to the centroid.
+        """Begin a round when it is due, and drive to the centroid.
 
         Args:
-            seen: all robots, and where this one is.
+            seen: all robots, and this robot's state.
         """
         shown = None
         if seen.snapshot is None:
@@ -113,7 +113,7 @@ class Coverage(Behaviour):
 
     def _look(self, snapshot: Snapshot, seen: Seen) -> ShownCell | None:
         now = snapshot.stamp
-        if snapshot.epoch != self._epoch:  # a base station that starts again may have a clock that is behind
+        if snapshot.epoch != self._epoch:  # the clock of a restarted base station may be behind
             self._epoch, self._round = snapshot.epoch, Round()
             self._stamp = self._shown_at = -math.inf
         if now <= self._stamp:
@@ -123,8 +123,8 @@ class Coverage(Behaviour):
         before, self._round = self._round, next_round(now, rest, self._round, self._parameters.hold_time)
         if self._round.rest_since is None or self._round.rest_since != before.rest_since:
             self._rested = {}
-        # The noise of one fix would make a robot at the edge of stay_within go in one round or another, for ever.
-        self._rested = {name: self._rested.get(name, _Mean()).with_(place) for name, place in places.items()}
+        # With single fixes, noise would keep restarting a robot that is just within stay_within: use the mean.
+        self._rested = {name: self._rested.get(name, _Mean()).plus(place) for name, place in places.items()}
         mine = self._rested.get(self._vehicle.name)
         if mine is None or not (self._round.due or now - self._shown_at >= _SHOW_PERIOD):
             return None
@@ -137,7 +137,7 @@ class Coverage(Behaviour):
         return ShownCell(cell(0, sites, self._vehicle.arena), x, y)
 
     def _covering(self, snapshot: Snapshot, stopped: frozenset[str]) -> tuple[dict[str, Point], bool]:
-        """Where the robots are that take part, and whether all of them are at rest."""
+        """The positions of the robots that take part, and whether all of them are stationary."""
         near = self._vehicle.arena.shrunk(-_OUTSIDE)
         places: dict[str, Point] = {}
         rest = True
@@ -149,14 +149,14 @@ class Coverage(Behaviour):
 
 
 class _Mean(NamedTuple):
-    """The mean of places: their sums [m, world], and how many there are."""
+    """A mean position: sums of the coordinates [m, world], and the number of positions."""
 
     x: float = 0.0
     y: float = 0.0
     number: int = 0
 
-    def with_(self, place: Point) -> _Mean:
-        """With one more."""
+    def plus(self, place: Point) -> _Mean:
+        """The mean with one more position."""
         return _Mean(self.x + place[0], self.y + place[1], self.number + 1)
 
     @property
@@ -169,7 +169,7 @@ def expects(parameters: Parameters) -> Expectation:
     """What its score sheet shows.
 
     Args:
-        parameters: of the deployment.
+        parameters: parameters of the deployment.
     """
     return Expectation(
         v_min=parameters.ride.profile.v_min, deployment=Deployment(parameters.density(), parameters.hold_time)
@@ -179,7 +179,7 @@ def expects(parameters: Parameters) -> Expectation:
 BEHAVIOUR = BehaviourKind(
     Parameters,
     Coverage,
-    "deploy over the floor, each robot to the centroid of its Voronoi cell",
+    "deploy over the floor: each robot drives to the centroid of its Voronoi cell",
     needs=frozenset({Need.SNAPSHOT}),
     expects=expects,
 )

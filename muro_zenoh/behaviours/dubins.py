@@ -1,4 +1,4 @@
-"""Drive to each goal along a Dubins curve, like a car: slow in turns, quick on straights."""
+"""Drive to each goal along a Dubins curve, like a car: slow on arcs, fast on straights."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class RideParameters:
 
     Args:
         profile: the speed along paths.
-        gains: of the path tracking.
-        turning_radius: of the arcs [m]; a tighter one, down to half, is taken where the arena asks for it.
-        replan_beyond: farther than this from the path, a new one is planned [m].
+        gains: gains of the path tracking.
+        turning_radius: radius of the arcs [m]; reduced by up to half where the arena requires it.
+        replan_beyond: a new path is planned when the robot is further than this from the path [m].
     """
 
     profile: SpeedProfile = SpeedProfile()
@@ -37,13 +37,13 @@ class RideParameters:
         check_quantities(self)
 
     def settings(self, vehicle: Vehicle) -> RideSettings:
-        """The same, for one robot.
+        """The settings for one robot.
 
         Args:
-            vehicle: whose limits, arena and lag these are.
+            vehicle: the robot, with its limits, arena and lag.
 
         Raises:
-            ParameterError: it cannot drive as slowly as its arcs ask for.
+            ParameterError: ``v_min`` is above the robot's ``v_max``.
         """
         if self.profile.v_min > vehicle.v_max:
             raise ParameterError(
@@ -51,7 +51,7 @@ class RideParameters:
                 got=f"{self.profile.v_min:g} [m/s]",
                 expected=f"at most the v_max of robot {vehicle.name}, {vehicle.v_max:g} m/s",
             )
-        # Some of the turning is left for coming back to the path.
+        # The rest of the turning rate is reserved for tracking corrections.
         profile = replace(
             self.profile,
             omega_max=min(self.profile.omega_max, 0.8 * vehicle.omega_max),
@@ -65,11 +65,11 @@ class GoalList:
     """Goals that are known from the start.
 
     Args:
-        goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad], gone to one after the other.
-        pause: how long to stay at a goal before the next one of the list [s].
+        goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad], visited in order.
+        pause: how long to stay at a goal before the next one [s].
 
     Raises:
-        ParameterError: a row that is no goal, or a pause below 0.
+        ParameterError: a malformed row, or a pause below 0.
     """
 
     goals: tuple[tuple[float, ...], ...] = ()
@@ -84,11 +84,11 @@ class GoalList:
                 raise ParameterError(f"goals[{index}]", got=repr(row), expected="finite numbers")
 
     def itinerary(self) -> Itinerary:
-        """The goals, none of them reached."""
+        """A new itinerary of these goals."""
         return Itinerary([Destination(*row) for row in self.goals], self.pause)
 
     def require_inside(self, fleet: Sequence[Vehicle]) -> None:
-        """Refuse goals that a robot cannot stand on.
+        """Refuse goals that a robot cannot reach.
 
         Args:
             fleet: the robots.
@@ -102,7 +102,8 @@ class GoalList:
                     raise ParameterError(
                         f"goals[{index}]",
                         got=f"({x:g}, {y:g})",
-                        expected=f"a place at least the robot's radius, {vehicle.radius:g} m, inside the arena",
+                        expected=f"a position inside the arena, at least {vehicle.radius:g} m (the robot's radius) "
+                        "from its border",
                     )
 
 
@@ -112,7 +113,7 @@ class Parameters:
 
     Args:
         ride: how to drive.
-        targets: where to.
+        targets: the goals.
     """
 
     ride: RideParameters = RideParameters()
@@ -124,8 +125,8 @@ class GoalRide(Behaviour):
 
     Args:
         settings: how to drive.
-        itinerary: where to.
-        idle: what to say while there is no goal; empty for the state of the itinerary.
+        itinerary: the goals.
+        idle: the hold reason while there is no goal; empty for the state of the itinerary.
     """
 
     def __init__(self, settings: RideSettings, itinerary: Itinerary, idle: str = "") -> None:
@@ -133,21 +134,21 @@ class GoalRide(Behaviour):
         self._itinerary = itinerary
         self._idle = idle
         self._ride: Ride | None = None
-        self._planned: Ride | None = None  # by go_to, and not shown yet
+        self._planned: Ride | None = None  # planned by go_to, not yet shown
         self._v = 0.0
         self._before = math.nan
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
-        """Plan a path to a goal and take it, unless there is none.
+        """Plan a path to a goal, and accept the goal if there is one.
 
         Args:
             goal: where to go.
-            seen: where the robot is.
+            seen: the robot's state.
 
         Returns:
-            Why there is no path; empty when the goal is taken.
+            Why there is no path; empty when the goal is accepted.
         """
-        if goal == self._itinerary.current and self._ride is not None:  # repeated: it goes on
+        if goal == self._itinerary.current and self._ride is not None:  # repeated: keep driving
             self._itinerary.replace(goal)
             return ""
         ride: Ride | None = None
@@ -161,15 +162,15 @@ class GoalRide(Behaviour):
         return ""
 
     def step(self, seen: Seen) -> Intent:
-        """Plan when there is something new to plan, and drive on.
+        """Plan when there is a new goal, and drive along the path.
 
         Args:
-            seen: where the robot is and will be.
+            seen: the robot's state, now and predicted.
         """
         dt = seen.now - self._before if self._before < seen.now else 0.0
         self._before = seen.now
         if not seen.may_drive:
-            self._v = 0.0  # the ride starts again from standstill
+            self._v = 0.0  # the ride restarts from standstill
             if self._ride is not None:
                 self._ride = self._ride._replace(progress=self._ride.progress._replace(v=0.0))
         if self._itinerary.begin_next(seen.now):
@@ -209,11 +210,11 @@ def make(parameters: Parameters, vehicle: Vehicle) -> GoalRide:
     """The behaviour of one robot.
 
     Args:
-        parameters: how to drive, and where to.
-        vehicle: whose limits and arena it has.
+        parameters: how to drive, and the goals.
+        vehicle: the robot, with its limits and arena.
 
     Raises:
-        ParameterError: it cannot drive so.
+        ParameterError: the parameters do not fit the robot.
     """
     return GoalRide(parameters.ride.settings(vehicle), parameters.targets.itinerary())
 
@@ -222,8 +223,8 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
     """Refuse goals outside the arena.
 
     Args:
-        parameters: with the goals.
-        circle: any.
+        parameters: the parameters, with the goals.
+        circle: not used.
         fleet: the robots.
 
     Raises:

@@ -11,18 +11,18 @@ from typing import Any, Final
 from muro_zenoh.errors import BehaviourError
 
 BEHAVIOURS: Final = "MURO_BEHAVIOURS"
-"""Environment variable with the folders, besides Python's path, in which a user's behaviours are looked for; `muro`
-sets it to the scenario file's own. They come last, so that nothing in them hides a module of ours."""
+"""Environment variable with folders that are searched for a user's behaviours after Python's path; `muro` sets it to
+the scenario file's folder. They are searched last, so that nothing in them shadows an installed module."""
 
 
 def load_function(name: str) -> Callable[..., Any]:
-    """The function that a name stands for.
+    """Import a function by its name.
 
     Args:
-        name: ``module:function``, in a module beside the scenario file, or one that can be imported.
+        name: ``module:function``; the module is beside the scenario file or on Python's path.
 
     Raises:
-        BehaviourError: not such a name, no such module or function, or its import failed.
+        BehaviourError: a malformed name, no such module or function, or the import failed.
     """
     module_name, colon, function_name = name.partition(":")
     if not colon:
@@ -36,7 +36,7 @@ def load_function(name: str) -> Callable[..., Any]:
         raise BehaviourError(f"{name!r}: {error}; put it beside the scenario file, or on PYTHONPATH") from error
     except AttributeError:
         raise BehaviourError(f"{name!r}: module {module_name} has no function {function_name!r}") from None
-    except (Exception, SystemExit) as error:  # a script without a guard leaves when it is imported
+    except (Exception, SystemExit) as error:  # a script without a main guard may exit when imported
         raise BehaviourError(f"{name!r}: importing {module_name} failed: {error!r}") from error
     if not callable(function):
         raise BehaviourError(f"{name!r}: got {function!r}, expected a function")

@@ -9,7 +9,7 @@ from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Intent, Se
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """It has none."""
+    """No parameters."""
 
 
 class Hold(Behaviour):
@@ -19,7 +19,7 @@ class Hold(Behaviour):
         """Stand still.
 
         Args:
-            seen: not looked at.
+            seen: not used.
         """
         return hold("the behaviour is hold")
 
@@ -29,7 +29,7 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Hold:
 
     Args:
         parameters: none.
-        vehicle: any.
+        vehicle: not used.
     """
     return Hold()
 

@@ -1,7 +1,7 @@
-"""What a behaviour is: what it sees goes in, what it wants comes out. No bus, no clock, no memory but its own.
+"""The interface of a behaviour: observations in, intent out. No bus, no clock, and no state but its own.
 
-A behaviour is one file of this package, and the file's name is the behaviour's. It holds the parameters, the behaviour
-itself, and one row for everybody who has to know of it: agent, rollout, base station, command line, score sheet::
+A behaviour is one file of this package and has the file's name. The file holds the parameters, the behaviour itself,
+and one row that all users of the table read: agent, rollout, base station, command line, score sheet::
 
     BEHAVIOUR = BehaviourKind(Parameters, make, "what it does, in a line", needs=frozenset({Need.CIRCLE}))
 """
@@ -18,13 +18,13 @@ from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.path import Path
 
-if TYPE_CHECKING:  # these need numpy, which most agents do without
+if TYPE_CHECKING:  # these need numpy, which most agents do not load
     from muro_zenoh.control.importance import Importance
     from muro_zenoh.planning.density import Density
 
 
 class Vehicle(NamedTuple):
-    """The robot that a behaviour is for.
+    """The robot that runs a behaviour.
 
     ``name``; ``radius`` of its body [m]; ``v_max`` [m/s] and ``omega_max`` [rad/s], its limits; ``lag``: time constant
     of its wheels [s]; ``arena``: the floor that it may use.
@@ -39,8 +39,8 @@ class Vehicle(NamedTuple):
 
 
 class RobotSeen(Protocol):
-    """One robot of a snapshot: place, heading and speeds as the cameras and its agent have them [m, rad, s; world],
-    ``age`` of the fix behind them when the snapshot was sent [s], and ``state``."""
+    """One robot of a snapshot: position and heading from the cameras, speeds from its agent [m, rad, s; world],
+    ``age`` of the pose fix when the snapshot was sent [s], and ``state``."""
 
     @property
     def name(self) -> str: ...
@@ -60,20 +60,35 @@ class RobotSeen(Protocol):
     def state(self) -> str: ...
 
 
+class Neighbour(NamedTuple):
+    """A robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
+    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
+    ``lost``."""
+
+    name: str
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+    age: float
+    state: str = "tracking"
+
+
 def is_visible(robot: RobotSeen) -> bool:
-    """Whether the cameras see a robot now; one that is stale or lost is an obstacle where it was.
+    """Whether the cameras see a robot now; a stale or lost robot is an obstacle at its last position.
 
     Args:
-        robot: of a snapshot.
+        robot: a robot of a snapshot.
     """
     return robot.state in ("tracking", "disagrees")
 
 
 class Snapshot(NamedTuple):
-    """All robots as everybody was told at the same moment.
+    """All robots at one moment; every agent receives the same snapshot.
 
-    ``robots``: every robot ever seen. ``stamp`` [s, the base station's clock] and ``epoch`` of its process: what all
-    robots read alike. ``age``: how long ago it was sent [s].
+    ``robots``: every robot seen so far. ``stamp`` [s, the base station's clock] and ``epoch`` of the base station's
+    process: the same for all receivers. ``age``: time since it was sent [s].
     """
 
     robots: Sequence[RobotSeen]
@@ -83,19 +98,19 @@ class Snapshot(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a behaviour sees at one estimate. In the rollout the numbers may be arrays, an entry per robot.
+    """What a behaviour sees at one estimate. In the rollout the numbers may be arrays, one entry per robot.
 
     Attributes:
         now: the time [s, one local clock].
-        state: where the robot is.
-        ahead: where it will be, and how fast, when a command given now is felt at the wheels; laws are evaluated there.
-        circle: to follow; None before it was heard.
-        speed: what is said on ``muro/velocity/<name>`` [m/s]; None when nothing fresh is.
-        speed_age: of that; infinite when nobody ever said one [s].
-        snapshot: all robots; None when nothing fresh is known.
-        snapshot_age: of the newest, fresh or not; infinite before the first [s].
+        state: the robot's state now.
+        ahead: the predicted state when a command given now takes effect at the wheels; laws are evaluated there.
+        circle: the circle to follow; None before one was received.
+        speed: the speed received on ``muro/velocity/<name>`` [m/s]; None when there is none or it is stale.
+        speed_age: the age of the newest speed, stale or not; infinite before the first [s].
+        snapshot: all robots; None when there is none or it is stale.
+        snapshot_age: the age of the newest snapshot, stale or not; infinite before the first [s].
         stopped: the robots that the newest stop order names.
-        may_drive: nothing kept the robot from driving at its last command.
+        may_drive: whether the robot was allowed to drive at its last command.
     """
 
     now: float
@@ -111,7 +126,7 @@ class Seen(NamedTuple):
 
 
 class ShownCell(NamedTuple):
-    """A Voronoi cell to be shown: ``corners``, counter-clockwise [m, world], and its centroid ``x``, ``y`` [m]."""
+    """A Voronoi cell for display: ``corners``, counter-clockwise [m, world], and its centroid ``x``, ``y`` [m]."""
 
     corners: tuple[tuple[float, float], ...]
     x: float
@@ -122,12 +137,12 @@ class Intent(NamedTuple):
     """What a behaviour wants.
 
     Attributes:
-        twist: what to drive, before calibration and limits; None to stand still.
-        reason: why it stands.
-        speed: to be said on ``muro/velocity/<name>`` [m/s].
-        path: planned just now, to be shown ...
-        path_has_heading: ... and whether its goal asked for the heading at its end.
-        cell: to be shown.
+        twist: the desired twist, before calibration and limits; None to hold.
+        reason: why the robot holds.
+        speed: speed to publish on ``muro/velocity/<name>`` [m/s].
+        path: a path planned in this step, for display.
+        path_has_heading: whether the goal of that path specified the heading at its end.
+        cell: a cell for display.
     """
 
     twist: Twist2 | None
@@ -139,40 +154,40 @@ class Intent(NamedTuple):
 
 
 def hold(reason: str) -> Intent:
-    """Stand still.
+    """The intent to stand still.
 
     Args:
-        reason: why; operators read it.
+        reason: shown to operators.
     """
     return Intent(None, reason)
 
 
 class Behaviour(ABC):
-    """A behaviour of one robot, from its start to its end. Its memory is its own; values go in and come out."""
+    """One run of a behaviour on one robot. It keeps its own state; values go in, values come out."""
 
     @abstractmethod
     def step(self, seen: Seen) -> Intent:
-        """What it wants now; called at each estimate.
+        """The intent now; called at each estimate.
 
         Args:
-            seen: what there is to see.
+            seen: the current observations.
         """
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
-        """Take a goal from an operator, in place of the one being gone to and of those that would have come next.
+        """Take a goal from an operator. It replaces the current goal and all that follow it.
 
         Args:
             goal: where to go.
-            seen: what there is to see.
+            seen: the current observations.
 
         Returns:
-            Why not; empty when the goal is taken. A goal that is refused changes nothing.
+            Why the goal is refused; empty when it is accepted. A refused goal changes nothing.
         """
         return f"the behaviour {type(self).__module__.rpartition('.')[2]} takes no goals"
 
 
 class Need(Enum):
-    """What a behaviour needs to be given, besides the robot's own state."""
+    """An input that a behaviour needs besides the robot's own state."""
 
     CIRCLE = "circle"
     SPEED = "velocity"
@@ -181,23 +196,23 @@ class Need(Enum):
 
 
 class Deployment(NamedTuple):
-    """What robots that cover a floor are asked for: ``density``, how much each place matters (None for all alike), and
-    ``hold_time``, so long all have stood when a round ends [s]."""
+    """Parameters of a deployment that its score needs: ``density`` over the floor (None for uniform), and
+    ``hold_time``, how long all robots are stationary before a round ends [s]."""
 
     density: Density | None
     hold_time: float
 
 
 class Expectation(NamedTuple):
-    """What robots with this behaviour should achieve, so what their score sheet shows.
+    """What robots with this behaviour should achieve; it decides what their score sheet shows.
 
     Attributes:
-        on_circle: they follow the circle ...
-        evenly: ... spread evenly round it ...
-        importance: ... or stay longer where this is greater.
-        goals: they go to the scenario's goals.
-        v_min: they plan paths, on whose arcs they drive so fast [m/s].
-        deployment: they cover the floor.
+        on_circle: they follow the circle.
+        evenly: they spread evenly on the circle.
+        importance: they stay longer where it is greater; None for no weighting.
+        goals: they drive to the scenario's goals.
+        v_min: they drive along planned paths, on arcs at this speed [m/s]; None when they plan none.
+        deployment: they cover the floor; None when they do not.
     """
 
     on_circle: bool = False
@@ -218,15 +233,15 @@ def _always_fits(parameters: Any, circle: Circle, fleet: Sequence[Vehicle]) -> N
 
 @dataclass(frozen=True, slots=True)
 class BehaviourKind:
-    """The row of a behaviour: all that others have to know of it.
+    """A behaviour's row in the table: everything that other modules know about it.
 
     Args:
-        parameters: a frozen dataclass; those nested in it are the laws' own, and their keys stand beside its own in a
-            settings file.
-        make: the behaviour of one robot, from its parameters; raises a
-            :class:`~muro_zenoh.errors.ParameterError` for parameters that do not fit together or do not fit the robot.
-        summary: what it does, in a line.
-        needs: what it must be given.
+        parameters: a frozen dataclass; nested dataclasses are those of the laws, and in a settings file their keys are
+            on the same level as its own.
+        make: makes the behaviour of one robot from its parameters; raises a
+            :class:`~muro_zenoh.errors.ParameterError` for parameters that are inconsistent or do not fit the robot.
+        summary: what it does, in one line.
+        needs: its inputs.
         expects: what its score sheet shows, from its parameters.
         fits: raises a :class:`~muro_zenoh.errors.ParameterError` when a whole fleet cannot do it on this circle.
     """
@@ -240,4 +255,4 @@ class BehaviourKind:
 
 
 Parameters = Mapping[str, Any]
-"""A behaviour's parameters as settings files and orders have them: values by key."""
+"""A behaviour's parameters as in settings files and orders: values by key."""

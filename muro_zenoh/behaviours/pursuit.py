@@ -1,4 +1,4 @@
-"""Cyclic pursuit: robots spread round the circle, each at a speed that follows from everybody's position."""
+"""Cyclic pursuit: robots spread out on the circle; each computes its speed from the positions of all."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.quantities import Quantity, Speed, SpeedOrRest, check_quantities
 
 _STATIONARY_AFTER = 1.0
-"""A robot that has not moved for this long is not taking part [s]."""
+"""A robot that has not moved for this time does not take part [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ByImportance:
-    """Settings of the law ``importance``: stay longer where the circle matters more.
+    """Settings of the law ``importance``: stay longer where the importance is greater.
 
     Args:
         cruise: speed where the importance is 1 [m/s].
-        v_min: least speed on the ring [m/s].
-        v_max: greatest speed on the ring [m/s].
-        gain: of the pursuit law [1/s].
-        angles: angles on the circle [rad] ...
-        weights: ... and how much each matters, above 0; in between it is interpolated.
-        importance: instead of a table, ``module:function``, from an angle [rad] to a weight.
+        v_min: minimum speed on the ring [m/s].
+        v_max: maximum speed on the ring [m/s].
+        gain: gain of the pursuit law [1/s].
+        angles: angles on the circle [rad].
+        weights: the importance at each angle, above 0; interpolated in between.
+        importance: instead of a table: ``module:function``, from an angle [rad] to a weight.
     """
 
     NAME: ClassVar[str] = Weighted.NAME
@@ -63,9 +63,9 @@ class ByImportance:
         """The law with its importance.
 
         Raises:
-            ParameterError: an importance that cannot be made or loaded, or that the speeds cannot serve.
+            ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
         """
-        from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do without
+        from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do not load
 
         if self.importance:
             importance = Importance.from_function(load_function(self.importance))
@@ -79,30 +79,30 @@ class Parameters:
     """Parameters of cyclic pursuit.
 
     Args:
-        law: how the circle is followed: ``vector_field``, ``passivity`` or ``lqr``, with its gains.
-        pursuit: how the speed is chosen: ``two_gap``, ``normalised``, ``proportional`` or ``importance``, with its gain
-            and limits.
+        law: the circle law: ``vector_field``, ``passivity`` or ``lqr``, with its gains.
+        pursuit: the speed law: ``two_gap``, ``normalised``, ``proportional`` or ``importance``, with its gain and
+            limits.
     """
 
     law: VectorFieldGains | PassivityGains | LqrGains = VectorFieldGains()
     pursuit: TwoGap | Normalised | Proportional | ByImportance = TwoGap()
 
     def pursuit_law(self) -> PursuitLaw:
-        """The law that chooses the speed.
+        """The speed law.
 
         Raises:
-            ParameterError: an importance that cannot be made or loaded, or that the speeds cannot serve.
+            ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
         """
         return self.pursuit.law() if isinstance(self.pursuit, ByImportance) else self.pursuit
 
 
 class Pursuit(Behaviour):
-    """Follow the circle at the speed that spreads the robots round it.
+    """Follow the circle at the speed that spreads the robots out on it.
 
     Args:
-        name: of this robot.
-        pursuit: chooses the speed.
-        circle: follows the circle.
+        name: name of this robot.
+        pursuit: the speed law.
+        circle: the circle law.
     """
 
     def __init__(self, name: str, pursuit: PursuitLaw, circle: CircleLaw) -> None:
@@ -110,10 +110,10 @@ class Pursuit(Behaviour):
         self._pursuit = pursuit
         self._circle = circle
         self._order: tuple[str, ...] = ()
-        self._moved: dict[str, float] = {}  # when each of the others was last seen to move, or first seen [s]
+        self._moved: dict[str, float] = {}  # when each other robot last moved, or was first seen [s]
 
     def step(self, seen: Seen) -> Intent:
-        """Choose the speed, say it, and follow the circle at it.
+        """Compute the speed, publish it, and follow the circle at it.
 
         Args:
             seen: the circle and all robots.
@@ -129,9 +129,10 @@ class Pursuit(Behaviour):
         return Intent(circle_twist(seen.ahead, step.speed, seen.circle, self._circle), speed=step.speed)
 
     def _ring(self, seen: Seen, snapshot: Snapshot) -> dict[str, RingRobot]:
-        """The robots that count: this one as it knows itself, and the others that are visible, not stopped, and move.
+        """The robots that take part: this one from its own estimate, and all others that are visible, not stopped, and
+        moving.
 
-        One that is stationary (its agent has died, or it does something else) would keep a gap to itself for ever.
+        A stationary one (its agent has died, or it runs another behaviour) would keep a gap open for ever.
         """
         stationary = 0.5 * self._pursuit.v_min
         ring = {}
@@ -155,10 +156,10 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Pursuit:
 
     Args:
         parameters: both laws.
-        vehicle: whose name it has.
+        vehicle: the robot; only its name is used.
 
     Raises:
-        ParameterError: an importance that cannot be made or loaded, or that the speeds cannot serve.
+        ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
     """
     return Pursuit(vehicle.name, parameters.pursuit_law(), CircleLaw(parameters.law))
 
@@ -167,12 +168,12 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
     """Refuse a circle that the robots cannot share.
 
     Args:
-        parameters: any.
+        parameters: not used.
         circle: the circle.
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena, or touch when they are evenly spread.
+        ParameterError: they would leave the arena, or touch when evenly spread.
     """
     require_room(circle, fleet)
     count = len(fleet)
@@ -184,12 +185,13 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
             "circle.radius",
             got=f"{count} robots on a circle of {circle.radius:g} m, {chord:.3f} m apart",
             expected=f"at least {2 * body:g} m between their centres",
-            hint=f"At most {most} robots fit, or a circle of {body / math.sin(math.pi / count):.2f} m.",
+            hint=f"At most {most} robots fit on it; {count} robots need a radius of "
+            f"{math.ceil(100.0 * body / math.sin(math.pi / count)) / 100.0:.2f} m.",
         )
 
 
 def expects(parameters: Parameters) -> Expectation:
-    """What its score sheet shows: robots that weigh the circle do not spread evenly round it.
+    """What its score sheet shows; with an importance the robots do not spread evenly.
 
     Args:
         parameters: the laws.
@@ -202,7 +204,7 @@ def expects(parameters: Parameters) -> Expectation:
 BEHAVIOUR = BehaviourKind(
     Parameters,
     make,
-    "spread round the circle and go on circling: cyclic pursuit",
+    "cyclic pursuit: spread out on the circle and keep circling",
     needs=frozenset({Need.CIRCLE, Need.SNAPSHOT}),
     expects=expects,
     fits=fits,

@@ -1,15 +1,14 @@
-"""Go to each goal by point-forward steering, turning while driving; nothing is planned."""
+"""Drive to each goal by point-forward steering, turning while driving, without a planned path."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from muro_zenoh.behaviours.dubins import GoalList
+from muro_zenoh.behaviours.dubins import GoalList, fits
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Expectation, Intent, Need, Seen, Vehicle, hold
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import STILL, Circle, Pose2
+from muro_zenoh.geometry import STILL, Pose2
 from muro_zenoh.planning.arena import require_goal_inside
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
@@ -21,7 +20,7 @@ class Parameters:
 
     Args:
         steering: the law.
-        targets: where to.
+        targets: the goals.
     """
 
     steering: GoToGoal = GoToGoal()
@@ -33,8 +32,8 @@ class Steering(Behaviour):
 
     Args:
         law: the steering law.
-        itinerary: where to.
-        vehicle: whose arena and radius it has.
+        itinerary: the goals.
+        vehicle: the robot; its arena and radius are used.
     """
 
     def __init__(self, law: GoToGoal, itinerary: Itinerary, vehicle: Vehicle) -> None:
@@ -43,14 +42,14 @@ class Steering(Behaviour):
         self._vehicle = vehicle
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
-        """Take any goal inside the arena.
+        """Accept any goal inside the arena.
 
         Args:
             goal: where to go.
-            seen: not looked at.
+            seen: not used.
 
         Returns:
-            Why not; empty when the goal is taken.
+            Why the goal is refused; empty when it is accepted.
         """
         try:
             require_goal_inside(Pose2(goal.x, goal.y, 0.0), self._vehicle.arena, self._vehicle.radius)
@@ -63,7 +62,7 @@ class Steering(Behaviour):
         """Steer to the current goal.
 
         Args:
-            seen: where the robot will be.
+            seen: the robot's predicted state.
         """
         self._itinerary.begin_next(seen.now)
         goal = self._itinerary.current
@@ -80,30 +79,16 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Steering:
     """The behaviour of one robot.
 
     Args:
-        parameters: the law, and where to go.
-        vehicle: whose arena and radius it has.
+        parameters: the law, and the goals.
+        vehicle: the robot; its arena and radius are used.
     """
     return Steering(parameters.steering, parameters.targets.itinerary(), vehicle)
-
-
-def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse goals outside the arena.
-
-    Args:
-        parameters: with the goals.
-        circle: any.
-        fleet: the robots.
-
-    Raises:
-        ParameterError: a goal is outside the arena, or too near its border.
-    """
-    parameters.targets.require_inside(fleet)
 
 
 BEHAVIOUR = BehaviourKind(
     Parameters,
     make,
-    "go to each goal by point-forward steering",
+    "drive to each goal by point-forward steering",
     needs=frozenset({Need.GOALS}),
     expects=lambda parameters: Expectation(goals=True),
     fits=fits,

@@ -1,4 +1,4 @@
-"""The table of behaviours: each file of this package that is not named here is one, and is called as its file is."""
+"""The table of behaviours: each file of this package not listed here is one, under the file's name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from muro_zenoh.errors import BehaviourError
 _NOT_BEHAVIOURS: Final = frozenset({"interface", "table", "entry_points"})
 
 DEFAULT: Final = hold.__name__.rpartition(".")[2]
-"""What a robot does when nothing else is said."""
+"""The behaviour of a robot for which none is set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +26,9 @@ class OwnBehaviour:
     """A user's own behaviour.
 
     Args:
-        function: ``async def f(robot)``, or ``def f(robot)`` that is called at each estimate and returns ``v, omega``.
-        is_async: which of the two.
+        function: ``async def f(robot)``, or ``def f(robot)``, which is called at each estimate and returns
+            ``v, omega``.
+        is_async: whether it is the first kind.
     """
 
     function: Callable[[Any], Any]
@@ -36,18 +37,14 @@ class OwnBehaviour:
 
 def names() -> tuple[str, ...]:
     """The built-in behaviours, by name."""
-    return tuple(
-        sorted(
-            module.name for module in pkgutil.iter_modules(behaviours.__path__) if module.name not in _NOT_BEHAVIOURS
-        )
-    )
+    return tuple(sorted({module.name for module in pkgutil.iter_modules(behaviours.__path__)} - _NOT_BEHAVIOURS))
 
 
 def find(name: str) -> BehaviourKind | OwnBehaviour:
-    """A behaviour by its name.
+    """Find a behaviour by its name.
 
     Args:
-        name: a built-in one's, or ``module:function`` for a function of one argument in a module that can be imported.
+        name: of a built-in behaviour, or ``module:function`` for a user's function of one argument.
 
     Raises:
         BehaviourError: no such behaviour, module or function, or not a function of one argument.

@@ -1,86 +1,9 @@
-"""The topology: who says what, on which key, how often. ``docs/channels.md`` is made from it.
+"""The topology: which role writes and reads what, on which key, how often. ``docs/channels.md`` is made from it.
 
-``table`` has the rows, ``kinds`` what a row is, ``keys`` the names and keys, ``page`` the documentation.
+``table`` has the rows, ``kinds`` what a row is, ``keys`` the names and keys, ``page`` the documentation. Its names are
+those of the first three: a list of them here would be a second table.
 """
 
-from muro_zenoh.channels.keys import (
-    NAME_PATTERN,
-    alive_in,
-    alive_key,
-    check_name,
-    check_realm,
-    key_of,
-    name_in,
-    verb_key,
-)
-from muro_zenoh.channels.kinds import ALL_ROLES, Channel, Delivery, Party, Priority, Role, Verb
-from muro_zenoh.channels.table import (
-    ALL_POSITIONS,
-    BASE,
-    BEHAVIOUR,
-    CAL_OMEGA,
-    CAL_V,
-    CAMERA,
-    CELL,
-    CHANNELS,
-    CIRCLE,
-    CLEAR,
-    CMD_VEL,
-    ESTIMATE,
-    GOAL_ORDER,
-    HEALTH,
-    ODOMETRY,
-    PATH,
-    POSE,
-    RESUME,
-    SET_BEHAVIOUR,
-    SET_CIRCLE,
-    STOP,
-    STOP_ORDER,
-    TRUTH,
-    VELOCITY,
-    VERBS,
-)
-
-__all__ = [
-    "ALL_POSITIONS",
-    "ALL_ROLES",
-    "BASE",
-    "BEHAVIOUR",
-    "CAL_OMEGA",
-    "CAL_V",
-    "CAMERA",
-    "CELL",
-    "CHANNELS",
-    "CIRCLE",
-    "CLEAR",
-    "CMD_VEL",
-    "ESTIMATE",
-    "GOAL_ORDER",
-    "HEALTH",
-    "NAME_PATTERN",
-    "ODOMETRY",
-    "PATH",
-    "POSE",
-    "RESUME",
-    "SET_BEHAVIOUR",
-    "SET_CIRCLE",
-    "STOP",
-    "STOP_ORDER",
-    "TRUTH",
-    "VELOCITY",
-    "VERBS",
-    "Channel",
-    "Delivery",
-    "Party",
-    "Priority",
-    "Role",
-    "Verb",
-    "alive_in",
-    "alive_key",
-    "check_name",
-    "check_realm",
-    "key_of",
-    "name_in",
-    "verb_key",
-]
+from muro_zenoh.channels.keys import *
+from muro_zenoh.channels.kinds import *
+from muro_zenoh.channels.table import *

@@ -1,4 +1,4 @@
-"""``python -m muro_zenoh.channels docs/channels.md``: make the generated part of the page anew."""
+"""``python -m muro_zenoh.channels docs/channels.md``: regenerate the tables in the page."""
 
 import sys
 from pathlib import Path

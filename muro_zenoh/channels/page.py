@@ -1,4 +1,4 @@
-"""The tables of ``docs/channels.md``, made from the code."""
+"""The tables of ``docs/channels.md``, generated from the code."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from muro_zenoh.pages import markdown_table, with_generated
 
 
 def page(text: str) -> str:
-    """The page of channels with its generated part made anew.
+    """The page of channels with its tables generated again.
 
     Args:
-        text: the page as it is; what is outside its marks stays.
+        text: the page as it is; what is outside the marks stays.
 
     Raises:
         ConfigError: the marks are missing.
@@ -38,11 +38,14 @@ def _channel_row(c: Channel[Any]) -> tuple[str, ...]:
     key = f"`muro/{c.word}/<{c.named}>`" if c.named else f"`{key_of('muro', c)}`"
     rate = f"{c.rate:g} Hz" if c.rate is not None else ""
     stale = f"{c.stale_after:g} s" if c.stale_after < math.inf else "-"
-    ros = f"`{c.ros}`" if c.ros and not c.ros.startswith("(") else c.ros or "-"
     priority = c.priority.name.lower().replace("_", "-")
     pacing = ", ".join(part for part in (rate, c.pacing) if part)
     ends = _parties(c.writers), _parties(c.readers)
-    return key, c.kind.__name__, *ends, pacing or "event", c.delivery, priority, stale, ros, c.note
+    return key, c.kind.__name__, *ends, pacing or "event", c.delivery, priority, stale, _ros(c.ros), c.note
+
+
+def _ros(topic: str) -> str:
+    return f"`{topic}`" if topic and not topic.startswith("(") else topic or "-"
 
 
 def _parties(parties: tuple[Party, ...]) -> str:
@@ -50,8 +53,8 @@ def _parties(parties: tuple[Party, ...]) -> str:
 
 
 def _order_table() -> str:
-    rows = [(f"`{_verb_pattern(v)}`", v.kind.__name__, str(v.asked_by), str(v.answered_by)) for v in VERBS]
-    return markdown_table(("key of the query", "message", "asked by", "answered by"), rows)
+    rows = [(f"`{_verb_pattern(v)}`", v.kind.__name__, str(v.asked_by), str(v.answered_by), _ros(v.ros)) for v in VERBS]
+    return markdown_table(("key of the query", "message", "asked by", "answered by", "seed's ROS topic"), rows)
 
 
 def _verb_pattern(verb: Verb[Any]) -> str:

@@ -1,8 +1,11 @@
-"""The table: one row per channel, one per order. A test compares it with what a fleet really writes and reads."""
+"""The table: one row per channel, one per order; nothing else is needed to add either.
+
+A test compares it with what a fleet actually writes and reads.
+"""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from muro_zenoh import messages as m
 from muro_zenoh.channels.kinds import Channel, Party, Priority, Role, Verb
@@ -73,7 +76,7 @@ ALL_POSITIONS = Channel(
     word="all_positions",
     kind=m.FleetSnapshot,
     writers=(FLEET,),
-    readers=(CONTROL,),
+    readers=(CONTROL, OPERATOR),
     delivery="newest",
     rate=20.0,
     pacing="each fused frame, 5 Hz at least",
@@ -92,7 +95,7 @@ VELOCITY = Channel(
     pacing="each estimate",
     stale_after=0.5,
     ros="velocity",
-    note="from the behaviour pursuit, or from a lab's own program in its place",
+    note="from the robot's behaviour, or from a lab's own program in its place",
 )
 CMD_VEL = Channel(
     word="cmd_vel",
@@ -198,31 +201,18 @@ TRUTH = Channel(
     note="for score sheets only; no task may read it",
 )
 
-CHANNELS: Final[tuple[Channel[Any], ...]] = (
-    CAMERA,
-    POSE,
-    ESTIMATE,
-    CAL_OMEGA,
-    CAL_V,
-    ALL_POSITIONS,
-    VELOCITY,
-    CMD_VEL,
-    PATH,
-    CELL,
-    CIRCLE,
-    BEHAVIOUR,
-    ODOMETRY,
-    BASE,
-    HEALTH,
-    STOP,
-    TRUTH,
-)
-
-GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT)
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
-VERBS: Final[tuple[Verb[Any], ...]] = (GOAL_ORDER, SET_CIRCLE, SET_BEHAVIOUR, STOP_ORDER, RESUME, CLEAR)
+CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))
+"""Every channel above, in its order."""
+
+VERBS: Final[tuple[Verb[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Verb))
+"""Every order above, in its order."""
+
+if not TYPE_CHECKING:  # mypy takes a computed list for an empty one, and without one exports every name
+    __all__ = ["CHANNELS", "VERBS", *(name for name, row in globals().items() if isinstance(row, Channel | Verb))]

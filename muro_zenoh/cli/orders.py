@@ -100,8 +100,8 @@ def resume(names: tuple[str, ...], bus: BusFlags) -> None:
 def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> None:
     """Send the robot NAME to X, Y [m, world], to arrive with the heading THETA [rad] if it is given.
 
-    It takes goals while it runs the behaviour dubins or steer (which ignores the heading). The exit code is 0 when it
-    has accepted, 1 when it refuses, with its reason, or does not answer.
+    The exit code is 0 when the robot accepts, 1 when it refuses, with its reason (not every behaviour takes goals), or
+    does not answer.
     """
     from muro_zenoh.messages import Goal
     from muro_zenoh.orders.goal import send_goal

@@ -1,17 +1,17 @@
-"""Circular path following: the turning rate that takes a unicycle to a circle and round it.
+"""Circular path following: the turning rate that takes a unicycle to a circle and around it.
 
-Notation of all three laws: ``h = (cos theta, sin theta)``, ``p`` the place minus the centre, ``rho = |p|``,
+Notation of all three laws: ``h = (cos theta, sin theta)``, ``p`` the position minus the centre, ``rho = |p|``,
 ``phi = atan2(p)``, ``r`` the radius, ``sigma`` = +1 counter-clockwise, -1 clockwise. Each law is
-``law(x, y, theta, v, circle, gains) -> omega``, takes floats or arrays that broadcast, keeps no memory, and
+``law(x, y, theta, v, circle, gains) -> omega``, takes floats or arrays that broadcast, keeps no state, and
 returns an unlimited turning rate: limits and drive calibration belong to `drive`, once, after the law.
 
-Every law keeps its meaning
+Every law is defined
 
 * at ``v = 0``: it turns on the spot towards the heading it would drive in;
-* at the centre: ``atan2(0, 0) = 0`` is accepted and any way out will do;
-* while the centre moves: the circle is an argument of each call, and only the place relative to it counts.
+* at the centre: ``atan2(0, 0) = 0``, and any direction out is acceptable;
+* while the centre moves: the circle is an argument of each call, and only the position relative to it matters.
 
-``v`` is the speed really driven (drive scale times modelled wheel speed), not below 0.
+``v`` is the actual speed (drive scale times modelled wheel speed), not below 0.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ class VectorFieldGains:
     """Gains of :func:`vector_field`.
 
     Args:
-        k_o: steepness of the approach [1/m]: at ``1/k_o`` from the circle the field comes in at 45 degrees. Above
-            30 /m the loop with 80 ms of delay and 0.1 s wheels falls apart.
+        k_o: steepness of the approach [1/m]: at ``1/k_o`` from the circle the field comes in at 45 degrees. A steeper
+            one is quicker at 0.15 m/s and slower from 0.4 m/s on, where wheels with a lag of 0.2 s begin to hunt.
         k_h: heading gain [1/s].
         feedforward_max: clamp on the field's own turning rate [rad/s], which grows without limit near the centre.
-        rho_0: the least distance to divide by [m].
+        rho_0: minimum distance to divide by [m].
     """
 
     NAME: ClassVar[str] = "vector_field"
 
-    k_o: Annotated[float, Quantity("1/m", above=0.0)] = 15.0
+    k_o: Annotated[float, Quantity("1/m", above=0.0)] = 19.0
     k_h: Annotated[float, Quantity("1/s", above=0.0)] = 3.0
     feedforward_max: TurningRate = 3.0
     rho_0: Length = 0.05
@@ -56,7 +56,7 @@ class PassivityGains:
     """Gain of :func:`passivity`.
 
     Args:
-        psi: passivity gain [1/(m^2 s)]. Too small overshoots for ever, too large creeps (seed 000, figures 1 to 3).
+        psi: passivity gain [1/(m^2 s)]. Too small keeps overshooting, too large creeps (seed 000, figures 1 to 3).
             The loop linearised about the circle is critically damped at ``2 v / r^3``; from random starts about
             0.6 of that is best, which is the default for 0.15 m/s on 0.6 m.
     """
@@ -71,12 +71,12 @@ class PassivityGains:
 
 @dataclass(frozen=True, slots=True)
 class LqrGains:
-    """Weights of :func:`lqr`, each as the size at which it costs one (Bryson's rule).
+    """Weights of :func:`lqr`, each given as the error of unit cost (Bryson's rule).
 
     Args:
-        radial_size: radial error that costs one [m].
-        heading_size: heading error that costs one [rad].
-        turn_size: turning rate beyond the circle's own that costs one [rad/s].
+        radial_size: radial error of unit cost [m].
+        heading_size: heading error of unit cost [rad].
+        turn_size: turning rate, beyond that of the circle itself, of unit cost [rad/s].
     """
 
     NAME: ClassVar[str] = "lqr"
@@ -90,11 +90,11 @@ class LqrGains:
 
 
 def radius_error(x: Scalar, y: Scalar, circle: Circle) -> Scalar:
-    """How far outside the circle a place is, ``rho - r`` [m]; negative inside.
+    """How far outside the circle a position is, ``rho - r`` [m]; negative inside.
 
     Args:
-        x: place [m, world].
-        y: place [m, world].
+        x: position [m, world].
+        y: position [m, world].
         circle: the circle.
     """
     error: Scalar = of(x).hypot(x - circle.x, y - circle.y) - circle.radius
@@ -115,10 +115,10 @@ def vector_field(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle,
     d rho / dt = -v sin(atan(k_o (rho - r))): both converge from everywhere, whatever v > 0.
 
     Args:
-        x: place [m, world].
-        y: place [m, world].
+        x: position [m, world].
+        y: position [m, world].
         theta: heading [rad].
-        v: speed really driven [m/s], not below 0.
+        v: actual speed [m/s], not below 0.
         circle: the circle and the direction of travel.
         gains: the gains.
 
@@ -146,14 +146,14 @@ def passivity(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, ga
         omega = sigma (v / r + psi r (p . h))
 
     The sign is plus: with V = 1/2 |(p_x - r sin theta, p_y + r cos theta)|^2 (counter-clockwise), dV/dt is
-    -r u_c (p . h), which only u_c = +psi r (p . h) makes fall. The seed's C++ has minus because its camera's yaw
-    is turned by pi. Clockwise the whole law is negated.
+    -r u_c (p . h), which is negative only for u_c = +psi r (p . h). The seed's C++ has a minus because its camera's yaw
+    is rotated by pi. Clockwise the whole law is negated.
 
     Args:
-        x: place [m, world].
-        y: place [m, world].
+        x: position [m, world].
+        y: position [m, world].
         theta: heading [rad].
-        v: speed really driven [m/s], not below 0.
+        v: actual speed [m/s], not below 0.
         circle: the circle and the direction of travel.
         gains: the gain.
 
@@ -167,10 +167,10 @@ def passivity(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, ga
 
 
 def lqr_feedback(v: Scalar, radius: float, gains: LqrGains) -> tuple[Scalar, Scalar]:
-    """The optimal feedback about a circle, ``(k_e, k_h)`` of ``u = k_e e - k_h epsilon``.
+    """The optimal feedback gains about a circle, ``(k_e, k_h)`` of ``u = k_e e - k_h epsilon``.
 
-    With ``e = rho - r`` and ``epsilon`` the heading's turn (in the direction of travel) beyond the tangent, the
-    unicycle about the circle is, for ``u = sigma omega - v / r``::
+    With ``e = rho - r`` and ``epsilon`` the heading error relative to the tangent (positive in the direction of
+    travel), the unicycle about the circle is, for ``u = sigma omega - v / r``::
 
         d e / dt       = -v epsilon
         d epsilon / dt = (v / r^2) e + u
@@ -191,7 +191,7 @@ def lqr_feedback(v: Scalar, radius: float, gains: LqrGains) -> tuple[Scalar, Sca
     Returns:
         ``k_e`` [rad/(m s)] and ``k_h`` [1/s], both positive.
 
-    Source: the optimal gain by the Riccati equation that seed 000 asks for (section 4.1.1).
+    Source: the optimal gain by the Riccati equation that seed 000 calls for (section 4.1.1).
     """
     xp = of(v)
     w = v / (radius * radius)
@@ -203,24 +203,24 @@ def lqr_feedback(v: Scalar, radius: float, gains: LqrGains) -> tuple[Scalar, Sca
 
 
 def lqr(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, gains: LqrGains) -> Scalar:
-    """Turning rate [rad/s] with the optimal gain about the circle, carried on to the whole plane.
+    """Turning rate [rad/s] with the optimal gain about the circle, extended to the whole plane.
 
     ::
 
         epsilon = wrap(sigma (theta - phi) - pi/2)
         omega   = sigma (v / r + k_h wrap(atan((k_e / k_h) e) - epsilon))
 
-    To first order at the circle this is ``u = k_e e - k_h epsilon`` of :func:`lqr_feedback`. The arctangent turns the
-    linear law's ever larger heading demand into at most a quarter turn towards the circle, so it converges from afar.
+    To first order at the circle this is ``u = k_e e - k_h epsilon`` of :func:`lqr_feedback`. The arctangent limits
+    the linear law's heading demand to a quarter turn towards the circle, so it converges from any distance.
 
-    The seed's own law feeds back ``p . h = -rho sin(epsilon)`` only, that is ``k_e = 0`` and ``k_h = psi r^2``: it
-    leaves the radius to the circle's curvature, which is why no ``psi`` makes it quick.
+    The seed's own law feeds back only ``p . h = -rho sin(epsilon)``, that is ``k_e = 0`` and ``k_h = psi r^2``: it
+    does not feed back the radius error, so no ``psi`` makes it converge fast.
 
     Args:
-        x: place [m, world].
-        y: place [m, world].
+        x: position [m, world].
+        y: position [m, world].
         theta: heading [rad].
-        v: speed really driven [m/s], not below 0.
+        v: actual speed [m/s], not below 0.
         circle: the circle and the direction of travel.
         gains: the weights.
     """
@@ -235,10 +235,10 @@ def lqr(x: Scalar, y: Scalar, theta: Scalar, v: Scalar, circle: Circle, gains: L
 
 
 CircleGains = VectorFieldGains | PassivityGains | LqrGains
-"""The gains of one of the laws; their type says which."""
+"""The gains of one of the laws; their type selects it."""
 
 CircleFunction = Callable[[Any, Any, Any, Any, Circle, Any], Any]
-"""What every circle law is: ``law(x, y, theta, v, circle, gains) -> omega``."""
+"""The signature of every circle law: ``law(x, y, theta, v, circle, gains) -> omega``."""
 
 _FUNCTIONS: Final[Mapping[type[Any], CircleFunction]] = {
     VectorFieldGains: vector_field,
@@ -255,7 +255,7 @@ class CircleLaw:
     """A circle law with its gains: ``law(x, y, theta, v, circle) -> omega``.
 
     Args:
-        gains: their type says which law it is.
+        gains: the gains; their type selects the law.
     """
 
     gains: CircleGains = VectorFieldGains()
@@ -264,10 +264,10 @@ class CircleLaw:
         """Turning rate [rad/s].
 
         Args:
-            x: place [m, world].
-            y: place [m, world].
+            x: position [m, world].
+            y: position [m, world].
             theta: heading [rad].
-            v: speed really driven [m/s], not below 0.
+            v: actual speed [m/s], not below 0.
             circle: the circle and the direction of travel.
         """
         omega: Scalar = _FUNCTIONS[type(self.gains)](x, y, theta, v, circle, self.gains)
@@ -282,7 +282,7 @@ def circle_law(name: str = VectorFieldGains.NAME, **gains: float) -> CircleLaw:
         gains: gains that differ from the default, by name.
 
     Raises:
-        ParameterError: no such law, no such gain (the message lists those there are), or a gain that is not above 0.
+        ParameterError: no such law, no such gain (the message lists the valid ones), or a gain that is not above 0.
     """
     kind = CIRCLE_LAWS.get(name)
     if kind is None:
@@ -299,11 +299,11 @@ def circle_law(name: str = VectorFieldGains.NAME, **gains: float) -> CircleLaw:
 def circle_twist(ahead: State, speed: Any, circle: Circle, law: CircleLaw) -> Twist2:
     """The twist that follows a circle at a speed; floats or arrays.
 
-    Backwards the laws lead away from the circle and out of the arena, so a speed below 0 is taken as 0.
+    In reverse the laws diverge from the circle and leave the arena, so a speed below 0 is taken as 0.
 
     Args:
-        ahead: where the robot is when the twist takes effect, and the speed that it then really drives at.
-        speed: speed wanted [m/s].
+        ahead: the robot's predicted state when the twist takes effect.
+        speed: desired speed [m/s].
         circle: the circle and the direction of travel.
         law: the law.
     """

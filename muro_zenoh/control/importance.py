@@ -19,7 +19,7 @@ from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import TWO_PI
 
 CELLS = 720
-"""Cells of the table that an importance is kept in: half a degree each."""
+"""Number of cells in the table of an importance: half a degree each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,11 +54,11 @@ class Importance:
 
     @classmethod
     def from_table(cls, angles: Sequence[float], weights: Sequence[float]) -> Importance:
-        """From a table, interpolated linearly and once round.
+        """From a table, interpolated linearly and periodically.
 
         Args:
             angles: angles [rad], each once, in any order and any turn.
-            weights: the weight at each; positive, of any scale.
+            weights: the weight at each angle; positive, of any scale.
 
         Raises:
             ParameterError: an empty table, lengths that differ, two equal angles, or a weight that is not above 0.
@@ -99,17 +99,17 @@ class Importance:
 
     @property
     def lowest(self) -> float:
-        """The least density [-]."""
+        """The minimum density [-]."""
         return float(self.values.min())
 
     @property
     def highest(self) -> float:
-        """The greatest density [-]."""
+        """The maximum density [-]."""
         return float(self.values.max())
 
     @property
     def contrast(self) -> float:
-        """The greatest density over the least; the speeds round the circle differ by as much."""
+        """Maximum over minimum density; the speeds along the circle vary by the same ratio."""
         return self.highest / self.lowest
 
     def density(self, angle: Scalar) -> Scalar:
@@ -131,7 +131,7 @@ class Importance:
         return low + (place - cell) * (self.values.item(i + 1) - low)
 
     def mass(self, angle: Scalar) -> Scalar:
-        """The integral of the density from angle 0 to ``angle`` [rad]; it grows by 2 pi a turn.
+        """The integral of the density from angle 0 to ``angle`` [rad]; it grows by 2 pi per turn.
 
         Args:
             angle: angle seen from the centre [rad], any turn.

@@ -1,4 +1,4 @@
-"""Following any planned path: the Frenet law, and one step of the whole follower.
+"""Following a planned path: the Frenet law, and one step of the path follower.
 
 In the frame of the nearest point of the path, with ``l`` the lateral offset (left of the path positive), ``dtheta`` the
 heading error and ``c`` the path's signed curvature, a unicycle obeys::
@@ -21,7 +21,7 @@ from muro_zenoh.planning.path import Path
 from muro_zenoh.quantities import Positive, Quantity, check_quantities
 
 GUARD: Final = 0.1
-"""The least ``1 - c l`` to divide by [-]: it is 0 at the centre of an arc."""
+"""Minimum of ``1 - c l`` to divide by [-]: it is 0 at the centre of an arc."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class TrackingGains:
 
     @property
     def lateral_max(self) -> float:
-        """The offset [m] that asks for a heading of about a right angle to the path; more would turn the robot back."""
+        """The offset [m] that demands a heading of about 90 degrees to the path; a larger one would turn back."""
         # There d^2 / sin(d) = sqrt(ka) l / (2 zeta) with d = 1.3 rad.
         return 1.75 * 2.0 * self.zeta / math.sqrt(self.ka)
 
@@ -59,7 +59,7 @@ def frenet_law(lateral: Scalar, dtheta: Scalar, curvature: Scalar, v: Scalar, ga
     with ``sinc(x) = sin(x) / x``, so that d dtheta / dt = -ka v l sinc(dtheta) - kb dtheta exactly, and
     ``ka l^2 / 2 + dtheta^2 / 2`` falls. Near the centre of an arc ``1 - c l`` is held at :data:`GUARD`. The seed prints
     ``1 + c l`` for an offset of the other sign, and a gain on the last term that must be 1. At ``v = 0`` it does not
-    turn: a path is followed by driving.
+    turn.
 
     Args:
         lateral: l, how far left of the path [m].
@@ -94,14 +94,14 @@ class PathError(NamedTuple):
 
 
 def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: float = 0.4) -> PathError:
-    """Where a robot is relative to a path, near where it was: a path may cross itself.
+    """Where a robot is relative to a path, searched near its last position because a path may cross itself.
 
     Args:
         path: the path.
-        pose: where the robot is [world].
-        s: the distance along the path at the step before [m]; 0 at first.
-        behind: how far back to look for the nearest point [m].
-        ahead: how far on to look [m]; more than a robot drives in one step, less than half a turn on the path.
+        pose: the robot's pose [world].
+        s: the distance along the path at the previous step [m]; 0 at first.
+        behind: how far back to search for the nearest point [m].
+        ahead: how far forward to search [m]; more than a robot drives in one step, less than half a turn on the path.
     """
     s = path.project(pose.x, pose.y, s - behind, s + ahead)
     there = path.pose_at(s)
@@ -111,11 +111,11 @@ def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: fl
 
 
 class Progress(NamedTuple):
-    """The memory of :func:`follow_path`.
+    """The state of :func:`follow_path`.
 
     Args:
-        s: the distance along the path until now [m].
-        v: the speed asked for last [m/s].
+        s: the distance along the path so far [m].
+        v: the previous speed command [m/s].
     """
 
     s: float = 0.0
@@ -123,14 +123,14 @@ class Progress(NamedTuple):
 
 
 class FollowStep(NamedTuple):
-    """What :func:`follow_path` found.
+    """The result of :func:`follow_path`.
 
     Args:
-        twist: what to drive.
-        progress: for the next step.
+        twist: the desired twist.
+        progress: the state for the next step.
         error: where the robot is relative to the path.
-        to_go: the distance left [m].
-        arrived: whether that is within the tolerance; the twist's speed is then 0.
+        to_go: the remaining distance [m].
+        arrived: whether it is within the tolerance; the twist's speed is then 0.
     """
 
     twist: Twist2
@@ -147,9 +147,9 @@ def follow_path(
 
     Args:
         path: the path.
-        pose: where the robot is [world].
-        progress: what the last step returned; ``Progress()`` on a new path, with the speed kept if it goes on.
-        dt: time since the last step [s].
+        pose: the robot's pose [world].
+        progress: from the previous step; ``Progress()`` on a new path, with ``v`` kept if the robot is driving.
+        dt: time since the previous step [s].
         gains: the tracking gains.
         profile: the speed limits.
     """

@@ -1,7 +1,8 @@
 """Point-forward steering to an angle and to a goal, and a PID that steers to an angle for comparison.
 
-A unicycle cannot move sideways, but the point ``l`` ahead of its axle can move any way: ask that point to move at ``V``
-in the direction ``phi``, and speed and turning rate follow without anything to tune but ``l`` (seed 001, eq. 5.4)::
+A unicycle cannot move sideways, but the point ``l`` ahead of its axle can move in any direction: command that point to
+move at ``V`` in the direction ``phi``, and speed and turning rate follow, with ``l`` the only parameter (seed 001,
+eq. 5.4)::
 
     alpha = wrap(phi - theta),   v = V cos(alpha),   omega = (V / l) sin(alpha)
 """
@@ -30,7 +31,7 @@ def steer_to_angle(
         v = V cos(alpha),   omega = (V / l) sin(alpha)
 
     Between a quarter turn and ``reverse_from`` the robot drives backwards while it turns to the angle, as the page's
-    law does. Where ``|alpha|`` is beyond ``reverse_from`` it may not, and turns on the spot at the full rate instead::
+    law does. Where ``|alpha|`` is beyond ``reverse_from`` it turns on the spot at the full rate instead::
 
         v = 0,   omega = (V / l) sign(alpha)
 
@@ -39,7 +40,7 @@ def steer_to_angle(
     Args:
         theta: heading [rad].
         phi: the direction to drive in [rad].
-        speed: V, the speed asked of the point ahead [m/s], not below 0.
+        speed: V, the commanded speed of the point ahead [m/s], not below 0.
         ahead: l, how far ahead of the axle that point is [m], above 0.
         reverse_from: reversing is forbidden for ``|alpha|`` beyond this [rad, pi / 2 to pi].
 
@@ -59,13 +60,13 @@ def steer_to_angle(
 
 @dataclass(frozen=True, slots=True)
 class GoToGoal:
-    """Point-forward steering to a place.
+    """Point-forward steering to a position.
 
     Args:
-        speed: greatest speed [m/s], above 0.
+        speed: maximum speed [m/s], above 0.
         ahead: l, how far ahead of the axle the steered point is [m], above 0.
-        slope: speed per distance to go near the goal [1/s], above 0: the robot slows down within ``speed / slope``.
-        tolerance: the robot stands still within this distance of the goal [m], above 0.
+        slope: speed per remaining distance near the goal [1/s], above 0: the robot slows down within ``speed / slope``.
+        tolerance: the robot stops within this distance of the goal [m], above 0.
         reverse_from: reversing is forbidden beyond this angle from the goal [rad, pi / 2 to pi].
 
     Raises:
@@ -76,17 +77,17 @@ class GoToGoal:
     ahead: Length = 0.15
     slope: Annotated[float, Quantity("1/s", above=0.0)] = 1.0
     tolerance: Length = 0.02
-    # The limits as printed in a settings file with four digits count as the limits.
+    # Limits rounded to four digits in a settings file are still within the limits.
     reverse_from: Annotated[float, Quantity("rad", at_least=round(math.pi / 2, 3) - 1e-3, at_most=3.1426)] = math.pi / 2
 
     def __post_init__(self) -> None:
         check_quantities(self)
 
     def twist(self, pose: Pose2, x: float, y: float) -> Twist2:
-        """The twist that takes the robot to a place, standing still within the tolerance.
+        """The twist that takes the robot to a position; zero within the tolerance.
 
         Args:
-            pose: where the robot is [world].
+            pose: the robot's pose [world].
             x: the goal [m, world].
             y: the goal [m, world].
         """
@@ -111,7 +112,7 @@ class WheelSpeeds(NamedTuple):
 
 
 def wheel_speeds(v: Scalar, omega: Scalar, wheel_base: float, wheel_radius: float | None = None) -> WheelSpeeds:
-    """What each wheel of a differential drive must do for a twist; floats or arrays.
+    """The wheel speeds of a differential drive for a twist; floats or arrays.
 
     ``right = (v + omega L / 2) / R``, ``left = (v - omega L / 2) / R``; for the point-forward law this is the page's
     ``V (cos alpha +- K sin alpha)`` with ``K = L / (2 l)``, for which 1/2 to 1 is sensible.
@@ -163,11 +164,11 @@ class PidGains:
 
 
 class PidState(NamedTuple):
-    """The memory of :func:`pid_to_angle`.
+    """The state of :func:`pid_to_angle`.
 
     Args:
-        integral: the integral's part of the turning rate [rad/s].
-        theta: the heading measured last [rad]; None at first.
+        integral: the integral part of the turning rate [rad/s].
+        theta: the previous measured heading [rad]; None at first.
     """
 
     integral: float = 0.0
@@ -182,14 +183,14 @@ def pid_to_angle(theta: float, phi: float, dt: float, state: PidState, gains: Pi
         alpha = wrap(phi - theta)
         omega = kp alpha + integral(ki alpha) - kd (d theta / dt)
 
-    The derivative is on the measurement, so that a new goal does not kick. Anti-windup: while the rate is at its limit
-    the integral does not grow further into it.
+    The derivative is on the measurement, so that a new goal causes no kick. Anti-windup: while the rate is at its limit
+    the integral does not grow further in that direction.
 
     Args:
         theta: measured heading [rad].
         phi: the heading to reach [rad].
         dt: time since the last call [s], above 0.
-        state: what the last call returned; ``PidState()`` at first.
+        state: from the previous call; ``PidState()`` at first.
         gains: the gains.
 
     Returns:

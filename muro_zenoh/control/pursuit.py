@@ -1,8 +1,8 @@
-"""Cyclic pursuit: speeds that spread robots evenly round a circle.
+"""Cyclic pursuit: speeds that spread robots evenly on a circle.
 
-``ring -> order -> gaps -> speed``. The ring is found anew from the whole snapshot at each step: the robot ahead of me
-is whoever is next in the direction of travel now, never a name remembered (seed 000 latches one, and stands still when
-that robot leaves). Only the previous order is state; it goes in and comes out.
+``ring -> order -> gaps -> speed``. The ring is recomputed from the whole snapshot at each step: a robot's successor is
+the next one in the direction of travel now, never a stored name (seed 000 stores one, and stops when that robot
+leaves). The previous order is the only state; it is passed in and returned.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ class PursuitLaw(ABC):
     robots on the ring, K the gain, r the radius. Every law is clipped to ``[v_min, v_max]``.
 
     Args:
-        cruise: speed of an evenly spread ring, and of a robot on its way to it [m/s].
-        v_min: least speed on the ring [m/s].
-        v_max: greatest speed [m/s].
+        cruise: speed of an evenly spread ring, and of a robot that is not yet on it [m/s].
+        v_min: minimum speed on the ring [m/s].
+        v_max: maximum speed [m/s].
         gain: K.
 
     Raises:
-        ParameterError: a number outside its limits, or speeds that are not in order.
+        ParameterError: a number outside its limits, or not ``v_min <= cruise <= v_max``.
 
     Source: seed 000, sections 3.2, 5.2 and 6.
     """
@@ -62,7 +62,7 @@ class PursuitLaw(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoGap(PursuitLaw):
-    """The default, on both gaps: ``v = cruise + (r K / 2) (gap - behind)``, K in 1/s."""
+    """The default, from both gaps: ``v = cruise + (r K / 2) (gap - behind)``, K in 1/s."""
 
     NAME: ClassVar[str] = "two_gap"
 
@@ -89,7 +89,7 @@ class Proportional(PursuitLaw):
     """The law of seed 000: ``v = K r gap``, K in 1/s, so that the angle closes at K times the gap.
 
     The seed's discrete gain is K times its period; it converges for products in (0, 1). The steady speed is
-    ``K r 2 pi / N``: where that is above ``v_max``, all drive at ``v_max`` before they are evenly spread, and stay so.
+    ``K r 2 pi / N``: where that is above ``v_max``, all saturate at ``v_max`` before they are evenly spread.
     """
 
     NAME: ClassVar[str] = "proportional"
@@ -103,32 +103,32 @@ class Proportional(PursuitLaw):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighted(PursuitLaw):
-    """:class:`TwoGap` in the coordinate whose increment is ``rho d angle``, in which the density asked for is uniform.
+    """:class:`TwoGap` in the coordinate whose increment is ``rho d angle``, in which the desired density is uniform.
 
-    ``v = (s + (r K / 2) (mass ahead - mass behind)) / rho(angle)``, K in 1/s; ``s`` is ``cruise`` brought to where
-    ``s / rho`` keeps within the limits all the way round. Without the division by rho the density does not follow rho.
+    ``v = (s + (r K / 2) (mass ahead - mass behind)) / rho(angle)``, K in 1/s; ``s`` is ``cruise`` clamped such that
+    ``s / rho`` is within the limits on the whole circle. Without the division by rho the density does not follow rho.
 
     Args:
         importance: rho, an :class:`~muro_zenoh.control.importance.Importance`.
 
     Raises:
-        ParameterError: an importance whose contrast the speeds cannot serve.
+        ParameterError: an importance whose contrast exceeds ``v_max / v_min``.
     """
 
     NAME: ClassVar[str] = "importance"
 
     gain: Annotated[float, Quantity("1/s", above=0.0)] = 2.5
-    importance: Any  # an Importance needs numpy, which most agents do without
+    importance: Any  # an Importance needs numpy, which most agents do not load
 
     def __post_init__(self) -> None:
         PursuitLaw.__post_init__(self)
-        # Rounding: a contrast of exactly v_max / v_min is what the speeds can just serve.
+        # Tolerance for rounding: a contrast of exactly v_max / v_min is allowed.
         if self.v_min * self.importance.contrast > self.v_max * (1.0 + 1e-9):
             raise ParameterError(
                 "importance",
                 got=f"a contrast of {self.importance.contrast:.2f}",
                 expected=f"highest over lowest at most v_max / v_min = {self.v_max / self.v_min:.2f}",
-                hint="Flatten it, or widen the speeds.",
+                hint="Flatten it, or widen the speed range.",
             )
 
     def _unclipped(self, gap: Any, behind: Any, count: Any, angle: Any, radius: float, clockwise: bool) -> Any:
@@ -156,7 +156,7 @@ def pursuit_law(name: str = TwoGap.NAME, **settings: Any) -> PursuitLaw:
         settings: fields of the law that differ from their defaults.
 
     Raises:
-        ParameterError: no such law, or numbers that do not fit together.
+        ParameterError: no such law, or inconsistent numbers.
     """
     kind = PURSUIT_LAWS.get(name)
     if kind is None:
@@ -172,9 +172,9 @@ def pursuit_speed(
     Args:
         law: the law.
         gap: angle to the next robot in the direction of travel [rad, 0 to 2 pi].
-        behind: angle from the robot before [rad, 0 to 2 pi].
-        count: robots on the ring, oneself included.
-        angle: where the robot is, seen from the centre [rad].
+        behind: angle from the previous robot [rad, 0 to 2 pi].
+        count: robots on the ring, including this one.
+        angle: the robot's angle, seen from the centre [rad].
         radius: the circle's radius [m].
         clockwise: the direction of travel.
 
@@ -188,15 +188,15 @@ def pursuit_speed(
 
 @dataclass(frozen=True, slots=True)
 class PursuitStep:
-    """What :func:`pursue` found.
+    """The result of :func:`pursue`.
 
     Args:
-        speed: my speed [m/s].
-        gap: angle to my successor [rad]; a whole turn when I am alone or not on the ring.
-        gap_behind: angle from my predecessor [rad]; likewise.
-        order: the order to hand in next time.
+        speed: the robot's speed [m/s].
+        gap: angle to its successor [rad]; 2 pi when it is alone or not on the ring.
+        gap_behind: angle from its predecessor [rad]; likewise.
+        order: the order to pass in at the next step.
         count: robots on the ring.
-        eligible: whether I am on the ring myself.
+        eligible: whether the robot itself is on the ring.
     """
 
     speed: float
@@ -210,15 +210,15 @@ class PursuitStep:
 def pursue(
     me: str, ring: Mapping[str, RingRobot], circle: Circle, order: tuple[str, ...], law: PursuitLaw
 ) -> PursuitStep:
-    """One step of cyclic pursuit: my speed from where everybody is.
+    """One step of cyclic pursuit: one robot's speed from the positions of all.
 
-    A robot that is not on the ring drives at ``cruise`` and does not count.
+    A robot that is not on the ring drives at ``cruise`` and is not counted.
 
     Args:
-        me: my name.
-        ring: the robots that count, me included; stale, lost and stopped ones have been left out.
+        me: the robot's name.
+        ring: the robots that take part, including this one; without stale, lost and stopped ones.
         circle: the circle and the direction of travel.
-        order: the order of the step before; empty at first.
+        order: the order of the previous step; empty at first.
         law: the law.
     """
     angles = ring_angles(ring, circle)

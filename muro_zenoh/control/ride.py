@@ -1,6 +1,6 @@
-"""A ride to one goal: plan a Dubins path inside the arena, turn on the spot if there is no other way, follow the path.
+"""A ride to one goal: plan a Dubins path inside the arena, first turn on the spot if necessary, and follow the path.
 
-What the behaviours ``dubins`` and ``coverage`` do at each estimate, without robot or bus: agent and rollout call it.
+The behaviours ``dubins`` and ``coverage`` call it at each estimate, in agent and rollout.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from muro_zenoh.planning.destination import Destination, goal_pose
 from muro_zenoh.planning.path import Path
 
 TIGHTER: Final = (1.0, 0.7, 0.5)
-"""Turning radii tried, as fractions of the one set, until the path keeps inside the arena."""
+"""Turning radii to try, as fractions of the configured one, until the path is inside the arena."""
 
 FACING: Final = 0.05
-"""A robot faces a heading when it is so near it [rad]."""
+"""A robot faces a heading within this tolerance [rad]."""
 
 _TURN_GAIN: Final = 2.0
 _SLOWEST_TURN: Final = 0.15
 _FASTEST_TURN: Final = 1.0
-"""Turning on the spot: rate per angle to go [1/s], and the least and the greatest rate [rad/s]."""
+"""Turning on the spot: rate per remaining angle [1/s], and minimum and maximum rate [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +35,12 @@ class RideSettings:
 
     Args:
         profile: the speed along paths.
-        gains: of the path tracking.
-        radius: the turning radius [m]; a tighter one, down to half, is taken where the arena asks for it.
+        gains: gains of the path tracking.
+        radius: the turning radius [m]; reduced by up to half where the arena requires it.
         bounds: the arena.
-        margin: distance that the robot's middle keeps from the walls [m].
-        replan_beyond: so far off the path, a new one is planned [m].
-        arrive_within: who comes to the end of a path further than this from the goal plans anew [m].
+        margin: distance that the robot's centre keeps from the walls [m].
+        replan_beyond: a new path is planned when the robot is further than this from the path [m].
+        arrive_within: a new path is planned when the robot ends a path further than this from the goal [m].
     """
 
     profile: SpeedProfile
@@ -53,13 +53,13 @@ class RideSettings:
 
 
 class Ride(NamedTuple):
-    """The memory of a ride: value in, value out.
+    """The state of a ride; passed in and returned.
 
     Args:
-        path: the path planned; it starts in the heading to turn to first.
-        goal: where it leads.
-        turning: whether the robot still turns on the spot.
-        progress: along the path.
+        path: the planned path; its first heading is the one to turn to.
+        goal: its goal.
+        turning: whether the robot is still turning on the spot.
+        progress: progress along the path.
     """
 
     path: Path
@@ -72,9 +72,9 @@ class Move(NamedTuple):
     """One step of a ride.
 
     Args:
-        twist: what to drive.
-        ride: to hand in next time.
-        state: ``on`` the way; ``arrived``; ``off`` the path, or at its end and not at the goal: plan anew.
+        twist: the desired twist.
+        ride: the state for the next step.
+        state: ``on`` the path; ``arrived``; ``off`` the path, or at its end but not at the goal: plan again.
     """
 
     twist: Twist2
@@ -83,12 +83,12 @@ class Move(NamedTuple):
 
 
 def is_at(pose: Pose2, goal: Destination, tolerance: float) -> bool:
-    """Whether a robot need not ride: it is there, in the heading asked for if one is.
+    """Whether a robot is at a goal already, with the goal's heading if it has one.
 
     Args:
-        pose: where the robot is [world].
-        goal: where it shall go.
-        tolerance: how near is there [m].
+        pose: the robot's pose [world].
+        goal: the goal.
+        tolerance: maximum distance [m].
     """
     if math.hypot(pose.x - goal.x, pose.y - goal.y) > tolerance:
         return False
@@ -96,19 +96,20 @@ def is_at(pose: Pose2, goal: Destination, tolerance: float) -> bool:
 
 
 def set_out(pose: Pose2, goal: Destination, v: float, settings: RideSettings) -> Ride:
-    """Plan the shortest path that keeps inside the arena.
+    """Plan the shortest path that stays inside the arena.
 
-    At the turning radius or, where that cannot be, a tighter one; where no radius will do, after the least turn on the
-    spot. A goal without a heading gets that of :func:`muro_zenoh.planning.destination.goal_heading`.
+    It uses the turning radius or, where that is impossible, a tighter one; where no radius works, it first turns on the
+    spot by the smallest sufficient angle. A goal without a heading gets that of
+    :func:`muro_zenoh.planning.destination.goal_heading`.
 
     Args:
-        pose: where the robot is [world].
-        goal: where it shall go.
-        v: the speed asked for last [m/s]; it goes on from there, unless it must turn on the spot.
+        pose: the robot's pose [world].
+        goal: the goal.
+        v: the previous speed command [m/s]; the ride continues from it unless the robot must turn on the spot.
         settings: how to ride.
 
     Raises:
-        PlanningError: no radius and no turn will do; the message is that of the radius set, without a turn.
+        PlanningError: no path with any radius or turn; the message is that of the configured radius without a turn.
     """
     target = goal_pose(pose, goal.x, goal.y, goal.theta)
     refused: PlanningError | None = None
@@ -126,11 +127,11 @@ def set_out(pose: Pose2, goal: Destination, v: float, settings: RideSettings) ->
 
 
 def turn_on_the_spot(path: Path, pose: Pose2) -> float:
-    """How fast to turn to face along a path's start [rad/s]; 0 when the robot faces there.
+    """The turning rate towards the first heading of a path [rad/s]; 0 once the robot faces it.
 
     Args:
         path: the path.
-        pose: where the robot is [world].
+        pose: the robot's pose [world].
     """
     error = wrap_to_pi(path.start.theta - pose.theta)
     if abs(error) <= FACING:
@@ -139,12 +140,12 @@ def turn_on_the_spot(path: Path, pose: Pose2) -> float:
 
 
 def ride_on(ride: Ride, pose: Pose2, dt: float, settings: RideSettings) -> Move:
-    """One step: turn on the spot while that is to be done, then follow the path.
+    """One step: turn on the spot until the first heading is reached, then follow the path.
 
     Args:
-        ride: what :func:`set_out` or the last step returned.
-        pose: where the robot will be when the twist is felt at the wheels [world].
-        dt: time since the last step [s].
+        ride: from :func:`set_out` or the previous step.
+        pose: the robot's predicted pose when the twist takes effect [world].
+        dt: time since the previous step [s].
         settings: how to ride.
     """
     if ride.turning:

@@ -1,6 +1,6 @@
-"""The ring of a cyclic pursuit: who is on it, in which order, how far apart.
+"""The ring of a cyclic pursuit: which robots are on it, in which order, and how far apart.
 
-Found anew from the whole snapshot at each step. Only the order of the step before is state; it goes in and comes out.
+Recomputed from the whole snapshot at each step. The previous order is the only state; it is passed in and returned.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import Final, NamedTuple
 from muro_zenoh.geometry import TWO_PI, Circle, ccw_gap
 
 HYSTERESIS: Final = 0.05
-"""Two neighbours swap in the order only when the one ahead has fallen this far behind the other [rad]."""
+"""Two neighbours swap in the order only when the one ahead has fallen behind the other by this angle [rad]."""
 
 
 class RingRobot(NamedTuple):
-    """What pursuit knows of a robot.
+    """A robot as pursuit sees it.
 
     Args:
-        x: place [m, world].
-        y: place [m, world].
+        x: position [m, world].
+        y: position [m, world].
         theta: heading [rad].
         v: speed [m/s].
-        age: how old these are [s].
+        age: age of these values [s].
     """
 
     x: float
@@ -37,10 +37,10 @@ class RingRobot(NamedTuple):
 def ring_angles(ring: Mapping[str, RingRobot], circle: Circle) -> dict[str, float]:
     """The angles now [rad] of the robots on the ring: those with ``|rho - r| <= r / 2``.
 
-    Each is moved on by its own tangential speed times its age: without that, old positions bias the common speed.
+    Each angle is advanced by the robot's tangential speed times its age; otherwise old positions bias the common speed.
 
     Args:
-        ring: the robots that count; stale, lost and stopped ones have been left out.
+        ring: the robots that take part, without stale, lost and stopped ones.
         circle: the circle.
     """
     angles: dict[str, float] = {}
@@ -66,8 +66,8 @@ def angles_round(places: Mapping[str, tuple[float, float]], circle: Circle) -> d
 def unroll(angles: Mapping[str, float], clockwise: bool) -> dict[str, float]:
     """The ring cut open at its widest gap: the angle travelled to each robot [rad], in the order of travel.
 
-    Cut there, two robots that are close are never on either side of the cut: "just behind" then means a small angle
-    less, instead of a whole turn more. Equal angles go by name.
+    With the cut there, two close robots are never on opposite sides of it: "just behind" means a slightly smaller
+    angle, not one larger by a whole turn. Ties are broken by name.
 
     Args:
         angles: the robots on the ring: name to angle seen from the centre [rad], any turn.
@@ -87,14 +87,14 @@ def unroll(angles: Mapping[str, float], clockwise: bool) -> dict[str, float]:
 
 
 def order_ring(travelled: Mapping[str, float], previous: Sequence[str]) -> tuple[str, ...]:
-    """Who follows whom: the names in the direction of travel, beginning behind the widest gap.
+    """The names in the direction of travel, beginning behind the widest gap.
 
-    Neighbours keep the order that they had until one is :data:`HYSTERESIS` ahead of the other: else noise on two robots
-    side by side would flip a gap between nothing and a whole turn. Newcomers are put where they are.
+    Neighbours keep their previous order until one is :data:`HYSTERESIS` ahead of the other; otherwise noise on two
+    robots side by side would flip a gap between 0 and 2 pi. New robots are inserted by their angle.
 
     Args:
         travelled: the ring, from :func:`unroll` [rad].
-        previous: what this function returned at the step before; empty at first. Names that left are ignored.
+        previous: the order of the previous step; empty at first. Names that have left are ignored.
 
     Returns:
         Each name once.
@@ -104,7 +104,7 @@ def order_ring(travelled: Mapping[str, float], previous: Sequence[str]) -> tuple
         return ordered
     result = [name for name in previous if name in travelled]
     known = set(result)
-    # Insertion sort that leaves inversions within the hysteresis: each exchange undoes a real one, so it ends.
+    # Insertion sort that keeps inversions within the hysteresis: each exchange removes a real inversion, so it ends.
     for k in range(1, len(result)):
         while k > 0 and travelled[result[k - 1]] > travelled[result[k]] + HYSTERESIS:
             result[k - 1], result[k] = result[k], result[k - 1]
@@ -119,7 +119,7 @@ def order_ring(travelled: Mapping[str, float], previous: Sequence[str]) -> tuple
 
 
 def gaps(travelled: Mapping[str, float], order: Sequence[str]) -> dict[str, float]:
-    """The angle from each robot to its successor [rad]: each in [0, 2 pi], 2 pi in all; alone, a whole turn.
+    """The angle from each robot to its successor [rad]: each in [0, 2 pi], 2 pi in total; 2 pi for a single robot.
 
     Args:
         travelled: the ring, from :func:`unroll` [rad].
@@ -128,7 +128,7 @@ def gaps(travelled: Mapping[str, float], order: Sequence[str]) -> dict[str, floa
     result: dict[str, float] = {}
     reached = start = travelled[order[0]] if order else 0.0
     for name, successor in itertools.pairwise(order):
-        # Two whose order the hysteresis keeps up against their angles count as side by side.
+        # Two robots whose order contradicts their angles, within the hysteresis, count as side by side.
         ahead = max(reached, travelled[successor])
         result[name] = ahead - reached
         reached = ahead
@@ -138,7 +138,7 @@ def gaps(travelled: Mapping[str, float], order: Sequence[str]) -> dict[str, floa
 
 
 def gaps_ahead(angles: Mapping[str, float], clockwise: bool) -> dict[str, float]:
-    """:func:`gaps` of robots as they are now, without an order from before.
+    """:func:`gaps` of robots as they are now, without a previous order.
 
     Args:
         angles: name to angle seen from the centre [rad], any turn.

@@ -12,7 +12,7 @@ from muro_zenoh.geometry import TWO_PI
 def array_gaps(
     angles: Array, clockwise: bool, eligible: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Gap ahead, gap behind and count for whole arrays of rings, without the hysteresis; ties go by index.
+    """Gap ahead, gap behind and count for whole arrays of rings, without the hysteresis; ties are broken by index.
 
     Args:
         angles: angles seen from the centre [rad], shape ``[..., robots]``; each ring is one row.
@@ -20,8 +20,8 @@ def array_gaps(
         eligible: which robots are on the ring, same shape; all when None.
 
     Returns:
-        Gap to the successor and from the predecessor [rad], shape ``[..., robots]``, a whole turn each for robots not
-        on the ring; robots on the ring, shape ``[..., 1]``.
+        Gap to the successor and from the predecessor [rad], shape ``[..., robots]``, 2 pi each for robots that are not
+        on the ring; number of robots on the ring, shape ``[..., 1]``.
     """
     travelled = np.mod(-angles if clockwise else angles, TWO_PI)
     if eligible is not None:

@@ -1,8 +1,8 @@
-"""Driving along a path as a car does: slow in curves, faster on straights, slowing down in time.
+"""Driving along a path as a car does: slow on arcs, faster on straights, braking in time.
 
-Seed 004, section 4.3, with its mistakes corrected: whether the path turns is read from the path, for both directions
-(the seed tests ``omega > 0`` and so takes right turns for straights); accelerations are per second, not per loop;
-distances are along the path; and the speed falls before an arc, not at it.
+Seed 004, section 4.3, with its mistakes corrected: the curvature is read from the path, for both directions (the seed
+tests ``omega > 0`` and so treats right turns as straights); accelerations are per second, not per loop; distances are
+along the path; and the robot brakes before an arc, not on it.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from muro_zenoh.quantities import Acceleration, Duration, Length, Quantity, Spee
 
 @dataclass(frozen=True, slots=True)
 class SpeedProfile:
-    """What limits the speed along a path.
+    """Limits of the speed along a path.
 
     Args:
         v_min: speed on arcs [m/s].
-        v_max: greatest speed on straights [m/s], at least ``v_min``.
-        acceleration: speeding up on straights [m/s^2].
-        deceleration: slowing down before arcs and the goal [m/s^2].
-        approach: speed per distance to go near the goal [1/s]; the p of seed 004.
+        v_max: maximum speed on straights [m/s], at least ``v_min``.
+        acceleration: acceleration on straights [m/s^2].
+        deceleration: deceleration before arcs and the goal [m/s^2].
+        approach: speed per remaining distance near the goal [1/s]; the p of seed 004.
         tolerance: arrived within this distance along the path [m].
-        creep: least speed until arrived [m/s]: proportional alone would take forever.
-        reaction: time until a slower command is felt at the wheels [s]; braking begins that much earlier.
-        omega_max: greatest turning rate [rad/s]: on tight arcs the speed is below ``v_min``.
+        creep: minimum speed until arrival [m/s]: a proportional speed alone would never arrive.
+        reaction: time until a slower command takes effect at the wheels [s]; braking begins earlier by this time.
+        omega_max: maximum turning rate [rad/s]; on tight arcs it keeps the speed below ``v_min``.
 
     Raises:
         ParameterError: a number outside its limits.
@@ -51,7 +51,7 @@ class SpeedProfile:
             raise ParameterError("v_min", got=f"{self.v_min:g}", expected=f"at most v_max, {self.v_max:g} [m/s]")
 
     def speed_on(self, curvature: float) -> float:
-        """The greatest speed on a piece of the path [m/s].
+        """The maximum speed on a segment of the path [m/s].
 
         Args:
             curvature: its curvature [1/m], either sign.
@@ -61,13 +61,13 @@ class SpeedProfile:
         return min(self.v_min, self.omega_max / abs(curvature))
 
     def speed_before(self, distance: float, speed: float) -> float:
-        """The greatest speed from which ``speed`` can be had ``distance`` ahead [m/s].
+        """The maximum speed now from which ``speed`` can be reached within ``distance`` [m/s].
 
         ``v tau + (v^2 - speed^2) / (2 d) = distance``, with the reaction time tau and the deceleration d.
 
         Args:
-            distance: until then [m].
-            speed: the speed to have there [m/s].
+            distance: the distance [m].
+            speed: the speed to reach [m/s].
         """
         lost = self.deceleration * self.reaction
         square = lost * lost + speed * speed + 2.0 * self.deceleration * max(distance, 0.0)
@@ -80,15 +80,15 @@ def path_speed(path: Path, s: float, v: float, dt: float, profile: SpeedProfile)
     ::
 
         arcs        v_min
-        straights   min(v + a dt, v_max, p to_go, what still allows to brake for each arc ahead and for the goal)
+        straights   min(v + a dt, v_max, p to_go, braking limits for each arc ahead and for the goal)
 
-    It rises by at most ``a dt`` and falls by at most ``d dt`` a call, but for the stop within the tolerance.
+    Per call it rises by at most ``a dt`` and falls by at most ``d dt``, except for the stop within the tolerance.
 
     Args:
         path: the path.
-        s: the distance along it until now [m].
-        v: what this function returned the last time; 0 at first [m/s].
-        dt: time since then [s].
+        s: the distance along it so far [m].
+        v: the result of the previous call; 0 at first [m/s].
+        dt: time since the previous call [s].
         profile: the limits.
 
     Source: seed 004, section 4.3, eq. 5.

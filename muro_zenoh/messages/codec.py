@@ -1,6 +1,6 @@
 """From messages to bytes and back.
 
-A value of a wrong type, an unknown or a missing field, NaN and the infinities make a :class:`MessageError`.
+A wrong type, an unknown or missing field, NaN and infinities raise a :class:`MessageError`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from muro_zenoh.errors import MessageError
 from muro_zenoh.messages.base import Message
 
 VERSION = 1
-"""Version of all message layouts; it stands in the encoding, as in ``application/msgpack;PoseFix.1``."""
+"""Version of all message layouts; it is part of the encoding, as in ``application/msgpack;PoseFix.1``."""
 
 M = TypeVar("M", bound=Message)
 
@@ -29,7 +29,7 @@ def decode(data: bytes, kind: type[M]) -> M:
 
     Args:
         data: the bytes.
-        kind: what they should be.
+        kind: the expected message type.
 
     Raises:
         MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
@@ -41,10 +41,10 @@ def decode(data: bytes, kind: type[M]) -> M:
 
 @cache
 def decoder(kind: type[M]) -> Callable[[bytes], M]:
-    """:func:`decode` for one kind, for who decodes many.
+    """:func:`decode` for one kind, to decode many.
 
     Args:
-        kind: what the bytes should be.
+        kind: the expected message type.
     """
     raw = msgspec.msgpack.Decoder(kind).decode
 
@@ -66,14 +66,14 @@ def encoding_of(kind: type[Message]) -> str:
 
 
 def check_encoding(encoding: str | None, kind: type[Message]) -> None:
-    """Refuse bytes that say they are something else. A writer that says nothing is taken at version 1.
+    """Refuse bytes whose encoding says something else. Without an encoding version 1 is assumed.
 
     Raises:
         MessageError: another type, another version, or no MessagePack at all.
     """
-    if encoding is None or encoding in _UNSAID or encoding == encoding_of(kind):
+    if encoding is None or encoding in _UNSPECIFIED or encoding == encoding_of(kind):
         return
     raise MessageError(f"{kind.__name__}: got encoding {encoding!r}, expected {encoding_of(kind)!r}")
 
 
-_UNSAID = frozenset({"", "zenoh/bytes", "application/octet-stream", "application/msgpack"})
+_UNSPECIFIED = frozenset({"", "zenoh/bytes", "application/octet-stream", "application/msgpack"})

@@ -1,4 +1,4 @@
-"""Plans that keep inside the arena, or are refused with the reason."""
+"""Paths that stay inside the arena; goals and paths that do not are refused with the reason."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def require_goal_inside(goal: Pose2, bounds: Bounds, margin: float = 0.0) -> Non
     Args:
         goal: the goal [world].
         bounds: the arena.
-        margin: distance that the robot's middle keeps from the walls [m].
+        margin: distance that the robot's centre keeps from the walls [m].
 
     Raises:
-        PlanningError: the goal is outside; the message says where, and what would be inside.
+        PlanningError: the goal is outside; the message has the goal and the limits.
     """
     inside = bounds.shrunk(margin)
     if not inside.holds(goal.x, goal.y):
@@ -37,10 +37,10 @@ def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None
     Args:
         path: the path.
         bounds: the arena.
-        margin: distance that the robot's middle keeps from the walls [m].
+        margin: distance that the robot's centre keeps from the walls [m].
 
     Raises:
-        PlanningError: the path leaves it; the message says by how far.
+        PlanningError: the path leaves the arena; the message says by how much.
     """
     inside = bounds.shrunk(margin)
     x_min, x_max, y_min, y_max = path.extent()
@@ -53,21 +53,21 @@ def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None
 
 
 def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0) -> Path:
-    """The shortest Dubins path that keeps inside the arena, of the six words.
+    """The shortest Dubins path, of the six words, that stays inside the arena.
 
     Args:
         start: where the path begins [world].
         goal: where it ends [world].
         radius: the turning radius [m], above 0.
         bounds: the arena.
-        margin: distance that the robot's middle keeps from the walls [m]; a start that is nearer may leave it.
+        margin: distance that the robot's centre keeps from the walls [m]; a path may start nearer to a wall than this.
 
     Raises:
-        PlanningError: the goal is outside, or every word leaves the arena; the message is the shortest one's.
+        PlanningError: the goal is outside, or every word leaves the arena; the message is that of the shortest.
     """
     require_goal_inside(goal, bounds, margin)
     inside = bounds.shrunk(margin)
-    # A robot that is already nearer to a wall than the margin must be able to leave it.
+    # A robot that is nearer to a wall than the margin must be able to drive away from it.
     room = Bounds(
         min(inside.x_min, start.x), max(inside.x_max, start.x), min(inside.y_min, start.y), max(inside.y_max, start.y)
     )
@@ -91,22 +91,22 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
 def plan_after_turn(
     start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0, step: float = math.pi / 12
 ) -> Path:
-    """The path inside the arena after the least turn on the spot that makes one possible.
+    """A path inside the arena after the smallest turn on the spot that makes one possible.
 
-    A robot close to a wall and facing it can drive no Dubins path at all; a unicycle can turn first. The path starts in
+    A robot close to a wall and facing it has no Dubins path at all, but a unicycle can turn first. The path starts with
     the heading to turn to, ``path.start.theta``, which is the robot's own when no turn is needed.
 
     Args:
-        start: where the robot is [world].
+        start: the robot's pose [world].
         goal: where the path ends [world].
         radius: the turning radius [m], above 0.
         bounds: the arena.
-        margin: distance that the robot's middle keeps from the walls [m].
+        margin: distance that the robot's centre keeps from the walls [m].
         step: turns are tried in multiples of this, to the left and to the right [rad].
 
     Raises:
-        PlanningError: the goal is outside, or no heading will do, as for a goal near a wall with a heading that only
-            a path through the wall can have; the message is that without a turn.
+        PlanningError: the goal is outside, or no turn makes a path possible, as for a goal near a wall with a
+            heading that needs a path through the wall; the message is that without a turn.
     """
     refused: PlanningError | None = None
     for k in range(math.floor(math.pi / step + 1e-9) + 1):

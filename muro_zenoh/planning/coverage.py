@@ -1,7 +1,7 @@
-"""Deployment: each robot to the centroid of its Voronoi cell, again and again (Lloyd), in rounds, and what that costs.
+"""Deployment: each robot drives to the centroid of its Voronoi cell, in rounds (Lloyd); and the cost of a deployment.
 
-A cell is cut out of the arena by half-planes, nearest neighbour first, and done when no further robot can reach it: an
-agent needs its own cell only.
+A cell is the arena clipped by half-planes, nearest neighbour first, until no further robot can cut it: an agent
+computes only its own cell.
 
 Source: Lloyd, IEEE Transactions on Information Theory 28, 1982; Cortes, Martinez, Karatas, Bullo, Coverage control for
 mobile sensing networks, IEEE T-RA 20, 2004; seed 004, sections 1 and 7.
@@ -36,13 +36,13 @@ __all__ = [
 ]
 
 SAME = 1e-9
-"""Sites nearer than this [m] count as one."""
+"""Sites closer than this [m] count as one."""
 
 
 def cell(k: int, sites: Sequence[Point], bounds: Bounds) -> Polygon:
-    """The Voronoi cell of one site within the arena: what is nearer to it than to any other.
+    """The Voronoi cell of one site within the arena: the points nearer to it than to any other site.
 
-    Sites at the same place have the same cell. A site outside the arena may have an empty one.
+    Sites at the same position have the same cell. A site outside the arena may have an empty one.
 
     Args:
         k: which site.
@@ -59,7 +59,7 @@ def cell(k: int, sites: Sequence[Point], bounds: Bounds) -> Polygon:
     polygon: Polygon = bounds.corners
     reach = max((px - x) ** 2 + (py - y) ** 2 for px, py in polygon)
     for square, ox, oy in others:
-        # A bisector farther than every corner cuts nothing, nor does any after it.
+        # A bisector further away than every corner cuts nothing, and neither do those after it.
         if square > 4.0 * reach:
             break
         nx, ny = ox - x, oy - y
@@ -81,12 +81,12 @@ def cells(sites: Sequence[Point], bounds: Bounds) -> tuple[Polygon, ...]:
 
 
 def cell_cost(site: Point, polygon: Polygon, density: Density | None = None) -> float:
-    """What one robot's cell costs: the integral over it of ``|q - p|^2 density(q)`` [m^4 times the density's unit].
+    """The cost of one robot's cell: the integral over it of ``|q - p|^2 density(q)`` [m^4 times the density's unit].
 
     Args:
-        site: where the robot is [m, world].
-        polygon: its cell; empty costs nothing.
-        density: how much each place matters; None for uniform (1).
+        site: the robot's position [m, world].
+        polygon: its cell; the cost of an empty one is 0.
+        density: the density over the floor; None for uniform (1).
     """
     if not polygon:
         return 0.0
@@ -97,12 +97,12 @@ def cell_cost(site: Point, polygon: Polygon, density: Density | None = None) -> 
 
 
 def coverage_cost(sites: Sequence[Point], bounds: Bounds, density: Density | None = None) -> float:
-    """What a deployment costs: each place weighted with the square of the distance from its nearest robot.
+    """The cost of a deployment: the density weighted with the square of the distance to the nearest robot.
 
     Args:
-        sites: where the robots are [m, world].
+        sites: the robots' positions [m, world].
         bounds: the arena.
-        density: how much each place matters; None for uniform (1).
+        density: the density over the floor; None for uniform (1).
     """
     apart = _apart(sites)
     return sum(cell_cost(site, polygon, density) for site, polygon in zip(apart, cells(apart, bounds), strict=True))
@@ -111,14 +111,14 @@ def coverage_cost(sites: Sequence[Point], bounds: Bounds, density: Density | Non
 def lloyd_goal(k: int, sites: Sequence[Point], bounds: Bounds, density: Density | None = None) -> Point:
     """Where one robot should go: the centroid of its own cell [m, world].
 
-    Robots at the same place are treated as a micrometre apart, or they would never separate. A robot outside the
-    arena whose cell is empty goes to the nearest place inside.
+    Robots at the same position are treated as a micrometre apart; otherwise they would never separate. A robot outside
+    the arena whose cell is empty goes to the nearest point inside.
 
     Args:
-        k: which robot.
-        sites: where all robots are [m, world].
+        k: index of the robot.
+        sites: all robots' positions [m, world].
         bounds: the arena.
-        density: how much each place matters; None for uniform.
+        density: the density over the floor; None for uniform.
     """
     apart = _apart(sites)
     polygon = cell(k, apart, bounds)
@@ -129,19 +129,19 @@ def lloyd_step(sites: Sequence[Point], bounds: Bounds, density: Density | None =
     """Where all robots should go: one step of Lloyd's algorithm, which never raises :func:`coverage_cost`.
 
     Args:
-        sites: where the robots are [m, world].
+        sites: the robots' positions [m, world].
         bounds: the arena.
-        density: how much each place matters; None for uniform.
+        density: the density over the floor; None for uniform.
     """
     return tuple(lloyd_goal(k, sites, bounds, density) for k in range(len(sites)))
 
 
 class Round(NamedTuple):
-    """Where a round of a deployment is: all robots go, all rest for a while, all choose where to go next.
+    """The state of a round of a deployment: all robots drive, all are stationary for a time, all choose a new goal.
 
     Args:
-        rest_since: when all robots came to rest [s]; None while one moves.
-        due: whether all have rested for the hold time: the next round begins now.
+        rest_since: when all robots became stationary [s]; None while one moves.
+        due: whether all have been stationary for the hold time: the next round begins now.
     """
 
     rest_since: float | None = None
@@ -149,15 +149,15 @@ class Round(NamedTuple):
 
 
 def next_round(now: float, rest: bool, before: Round, hold_time: float) -> Round:
-    """Follow the rounds from one look at the fleet to the next.
+    """Advance the state of the rounds by one snapshot.
 
     Robots that use the same snapshots, and their stamps as the time, begin every round together.
 
     Args:
-        now: the time of this look [s].
+        now: the time of the snapshot [s].
         rest: whether all robots are stationary.
-        before: what this function returned at the last look; ``Round()`` at first.
-        hold_time: how long all must have rested [s].
+        before: the previous state; ``Round()`` at first.
+        hold_time: how long all must have been stationary [s].
     """
     if not rest:
         return Round()
@@ -166,7 +166,7 @@ def next_round(now: float, rest: bool, before: Round, hold_time: float) -> Round
 
 
 def same_place(sites: Sequence[Point]) -> list[int]:
-    """For each site the first one at its place, itself mostly: an index into ``sites``.
+    """For each site the index into ``sites`` of the first one at the same position, usually its own.
 
     Args:
         sites: the sites [m, world].
@@ -185,7 +185,7 @@ def same_place(sites: Sequence[Point]) -> list[int]:
 
 
 def _apart(sites: Sequence[Point]) -> list[Point]:
-    """The sites, those at one place spread around it by a micrometre."""
+    """The sites, with those at one position spread around it by a micrometre."""
     first = same_place(sites)
     apart = list(sites)
     if len(set(first)) == len(first):

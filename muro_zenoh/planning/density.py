@@ -1,4 +1,4 @@
-"""Densities over the arena: how much each place matters to a deployment."""
+"""Densities over the arena: the importance of each point for a deployment."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from muro_zenoh.errors import ParameterError
 from muro_zenoh.quantities import Number, Positive, check_quantities
 
 Density: TypeAlias = Callable[[Any, Any], Any]
-"""How much each place matters: arrays ``x, y`` [m, world] to an array above 0, of any scale."""
+"""The importance of each point: arrays ``x, y`` [m, world] to an array above 0, of any scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Peaks:
     ``floor + sum of height exp(-((x - px)^2 + (y - py)^2) / (2 width^2))``
 
     Args:
-        peaks: rows ``x, y, width, height``: place [m, world], width [m] above 0, height not below 0.
+        peaks: rows ``x, y, width, height``: position [m, world], width [m] above 0, height not below 0.
         floor: density far from every peak.
 
     Raises:
@@ -42,11 +42,11 @@ class Peaks:
                 )
 
     def __call__(self, x: Array, y: Array) -> Array:
-        """The density at places, of their shape.
+        """The density at points, of their shape.
 
         Args:
-            x: places [m, world].
-            y: places [m, world].
+            x: positions [m, world].
+            y: positions [m, world].
         """
         total = np.full(np.shape(x), self.floor)
         for px, py, width, height in self.peaks:

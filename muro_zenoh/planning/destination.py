@@ -1,4 +1,4 @@
-"""Where to go, and the heading to arrive with when that is left open."""
+"""A goal, and the heading to arrive with when the goal specifies none."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ class Destination(NamedTuple):
 
 
 def goal_heading(pose: Pose2, x: float, y: float) -> float:
-    """The direction from the robot to the goal [rad, (-pi, pi]]: it arrives heading the way it came.
+    """The direction from the robot to the goal [rad, (-pi, pi]].
 
     ``theta = atan2(y_goal - y, x_goal - x)``; at the goal itself (within 1 mm) the heading that the robot has.
 
     Args:
-        pose: where the robot is [world].
+        pose: the robot's pose [world].
         x: the goal [m, world].
         y: the goal [m, world].
 
-    Source: seed 004, section 4.1, whose arctangent in two pieces this is.
+    Source: seed 004, section 4.1, which writes the arctangent in two pieces.
     """
     dx, dy = x - pose.x, y - pose.y
     return math.atan2(dy, dx) if math.hypot(dx, dy) > 1e-3 else pose.theta
 
 
 def goal_pose(pose: Pose2, x: float, y: float, theta: float | None) -> Pose2:
-    """A goal with its heading filled in where it has none.
+    """A goal's pose, with :func:`goal_heading` where the goal has no heading.
 
     Args:
-        pose: where the robot is [world].
+        pose: the robot's pose [world].
         x: the goal [m, world].
         y: the goal [m, world].
         theta: the heading to arrive with [rad], or None.

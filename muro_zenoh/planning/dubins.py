@@ -7,7 +7,8 @@ two turning circles that it joins: with ``d`` from the centre of the first to th
 * inner tangent (LSR, RSL): straight ``sqrt(|d|^2 - 4)``, where the circles do not overlap;
 * a third circle between (RLR, LRL): middle arc ``2 pi - acos(1 - |d|^2 / 8)``, where ``|d| < 4``.
 
-Arcs are taken modulo a whole turn; what comes out within 1e-9 of one is none, or rounding would add a full circle.
+Arcs are taken modulo a whole turn; an arc within 1e-9 of a whole turn is 0, and circles that overlap by less than that
+touch, or rounding would add a full circle.
 
 Source: Dubins, American Journal of Mathematics 79, 1957; seed 004, section 4.
 """
@@ -25,10 +26,11 @@ from muro_zenoh.geometry import TWO_PI, Pose2
 from muro_zenoh.planning.path import Path, Segment
 
 WORDS: Final = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
-"""The six words; of equal lengths the first here is taken."""
+"""The six words; of words of equal length the first is taken."""
 
 _NONE: Final = 1e-9
 _FULL: Final = TWO_PI - _NONE
+_TOUCHING: Final = 4.0 - _NONE
 _TURN: Final = {"L": 1.0, "S": 0.0, "R": -1.0}
 
 
@@ -83,13 +85,13 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
         if q < 0.0:
             q = q + TWO_PI if q < -_NONE else 0.0
     else:
-        # Circles that coincide have no tangent: one arc is all.
+        # Circles that coincide have no tangent: the path is one arc.
         t, q = to_left, 0.0
     best = t + p + q
     word = "LSL"
     first, middle, last = t, p, q
 
-    # From right centre to right centre. Here and below, what cannot be shorter is not looked at.
+    # From right centre to right centre. Here and below, words that cannot be shorter are skipped.
     x, y = dx - s0 + s1, dy + c0 - c1
     right = p = sqrt(x * x + y * y)
     right_way = atan2(y, x) if p + to_right < best or p < 4.0 else 0.0
@@ -114,8 +116,8 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
     spare = 4.0 + spare * spare if spare > 0.0 else 0.0
     x, y = dx + s0 + s1, dy - c0 - c1
     square = x * x + y * y
-    if 4.0 <= square < spare:
-        p = sqrt(square - 4.0)
+    if _TOUCHING <= square < spare:
+        p = sqrt(square - 4.0) if square > 4.0 else 0.0
         t = (atan2(y, x) + atan2(2.0, p) - a0) % TWO_PI
         if t > _FULL:
             t = 0.0
@@ -130,8 +132,8 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
 
     x, y = dx - s0 - s1, dy + c0 + c1
     square = x * x + y * y
-    if 4.0 <= square < spare:
-        p = sqrt(square - 4.0)
+    if _TOUCHING <= square < spare:
+        p = sqrt(square - 4.0) if square > 4.0 else 0.0
         t = (a0 - atan2(y, x) + atan2(2.0, p)) % TWO_PI
         if t > _FULL:
             t = 0.0
@@ -171,7 +173,7 @@ def shortest_word(start: Pose2, goal: Pose2, radius: float) -> Word:
 
 
 def path_of(start: Pose2, word: Word, radius: float) -> Path:
-    """A word laid out from a start; always three segments, some perhaps of no length.
+    """The path of a word from a start; always three segments, some of which may have length 0.
 
     Args:
         start: where the path begins [world].
@@ -185,11 +187,11 @@ def path_of(start: Pose2, word: Word, radius: float) -> Path:
 
 
 def plan(start: Pose2, goal: Pose2, radius: float) -> Path:
-    """The shortest path between two poses. From a pose to itself it has no length.
+    """The shortest path between two poses. From a pose to itself it has length 0.
 
     Args:
         start: where the path begins [world].
-        goal: where it ends [world]; inside the turning circles will do.
+        goal: where it ends [world]; it may be inside the turning circles.
         radius: the turning radius [m], above 0.
 
     Raises:
@@ -206,7 +208,7 @@ class WordArrays(NamedTuple):
     """All six words of many pairs, each of shape ``[..., 6]`` in the order of :data:`WORDS`, in turning radii.
 
     Args:
-        size: the whole; infinite where a pair has no such word.
+        size: total length; infinite where a pair has no such word.
         first: size of the first piece.
         middle: size of the second; NaN where a pair has no such word.
         last: size of the third.
@@ -239,8 +241,8 @@ def all_words(start: Array, goal: Array, radius: float) -> WordArrays:
     rsr = (a0 - np.where(one_right, a1, right_way), right, np.where(one_right, 0.0, right_way - a1))
 
     def inner(x: Array, y: Array, sign: float) -> tuple[Array, Array, Array]:
-        square = x * x + y * y - 4.0
-        p = np.sqrt(np.where(square >= 0.0, square, np.nan))
+        square = x * x + y * y
+        p = np.sqrt(np.where(square >= _TOUCHING, np.maximum(square - 4.0, 0.0), np.nan))
         way = np.arctan2(y, x) + sign * np.arctan2(2.0, p)
         return sign * (way - a0), p, sign * (way - a1)
 

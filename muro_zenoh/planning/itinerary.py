@@ -1,4 +1,4 @@
-"""The goals of one robot: a list, gone to one after the other, or one that an operator sent in its place."""
+"""The goals of one robot: a list, visited in order, or one goal from an operator that replaces it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Itinerary:
     """Which goal is current, and what comes next.
 
     Args:
-        goals: gone to one after the other.
+        goals: the goals, visited in order.
         pause: how long to stay at a goal before the next one of the list [s].
 
     Attributes:
@@ -28,7 +28,7 @@ class Itinerary:
         self._given_up = ""
 
     def begin_next(self, now: float) -> bool:
-        """Make the next goal of the list the current one when it is due; whether it did.
+        """Make the next goal of the list the current one when it is due; True when it did.
 
         Args:
             now: the time [s].
@@ -39,15 +39,15 @@ class Itinerary:
         return True
 
     def replace(self, goal: Destination) -> None:
-        """Go to this goal instead of the current one; it ends the list.
+        """Replace the current goal, and drop the rest of the list.
 
         Args:
-            goal: where to go.
+            goal: the new goal.
         """
         self.current, self._left, self._given_up = goal, [], ""
 
     def arrive(self, now: float) -> None:
-        """The current goal has been reached.
+        """Mark the current goal as reached.
 
         Args:
             now: the time [s].
@@ -57,7 +57,7 @@ class Itinerary:
         self._next_at = now + self._pause
 
     def give_up(self, now: float, reason: str) -> None:
-        """The current goal cannot be reached; the next one of the list will be tried.
+        """Skip the current goal because it cannot be reached; the next one of the list follows.
 
         Args:
             now: the time [s].
@@ -70,9 +70,9 @@ class Itinerary:
 
     @property
     def waiting(self) -> str:
-        """Why there is nothing to do."""
+        """Why there is no current goal."""
         if self._given_up:
             return self._given_up
         if self._left:
-            return f"at goal {self.reached}, waiting before the next"
+            return f"at goal {self.reached}, pausing before the next"
         return "all goals reached" if self.reached else "no goal"

@@ -31,7 +31,7 @@ class Segment(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """A chain of arcs and straights from a start, each beginning where the last one ends, in its direction.
+    """A chain of arcs and straights, each beginning at the end of the previous one, with its heading.
 
     Args:
         start: where it begins [world].
@@ -75,7 +75,7 @@ class Path:
         return self.knots[-1]
 
     def _segment_at(self, s: float) -> int:
-        """Index of the segment that holds ``s``; at a knot, the later one that has a length."""
+        """Index of the segment that contains ``s``; at a knot, that of the next segment of non-zero length."""
         for k in range(len(self.segments)):
             if s < self.distances[k + 1]:
                 return k
@@ -85,7 +85,7 @@ class Path:
         """The pose on the path [world].
 
         Args:
-            s: the distance along it [m]; before the start and beyond the end it is the start or the end.
+            s: the distance along it [m]; clamped to the start and the end.
         """
         if not self.segments or s <= 0.0:
             return self.start
@@ -99,7 +99,7 @@ class Path:
         """The signed curvature [1/m], to the left positive; at a knot that of the segment after it.
 
         Args:
-            s: the distance along the path [m]; before the start and beyond the end the first or last segment counts.
+            s: the distance along the path [m]; clamped to the start and the end.
         """
         return self.segments[self._segment_at(s)].curvature if self.segments else 0.0
 
@@ -107,19 +107,19 @@ class Path:
         """Poses along the path [world], evenly spaced, both ends included.
 
         Args:
-            step: greatest distance between two poses [m], above 0.
+            step: maximum distance between two poses [m], above 0.
         """
         count = max(math.ceil(self.length / step - 1e-9), 1)
         for k in range(count + 1):
             yield self.pose_at(self.length * k / count)
 
     def project(self, x: float, y: float, low: float = 0.0, high: float = math.inf) -> float:
-        """The distance along the path [m] to its point nearest to a place, exact on arcs and straights.
+        """The distance along the path [m] to its point nearest to a position, exact on arcs and straights.
 
         Args:
-            x: the place [m, world].
-            y: the place [m, world].
-            low: search from here on [m]: a path may cross itself, and the robot has not gone back.
+            x: the position [m, world].
+            y: the position [m, world].
+            low: search from here [m]: a path may cross itself, and the robot does not go back.
             high: search up to here [m].
         """
         low = min(max(low, 0.0), self.length)
@@ -138,13 +138,13 @@ class Path:
         return best
 
     def extent(self) -> tuple[float, float, float, float]:
-        """The box that the path keeps within: least x, greatest x, least y, greatest y [m, world]."""
+        """The bounding box of the path: minimum x, maximum x, minimum y, maximum y [m, world]."""
         xs, ys = [pose.x for pose in self.knots], [pose.y for pose in self.knots]
         for knot, (length, curvature) in zip(self.knots, self.segments, strict=False):
             if abs(curvature) < STRAIGHT:
                 continue
             for heading in (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi):
-                # Along an axis the heading is where the other coordinate turns back.
+                # A coordinate is extremal where the heading is along the other axis.
                 part = (math.copysign(1.0, curvature) * (heading - knot.theta)) % TWO_PI / abs(curvature)
                 if part < length:
                     there = advance(knot, part, part * curvature, 1.0)
@@ -159,7 +159,7 @@ def _nearest(knot: Pose2, curvature: float, x: float, y: float, first: float, la
     along, left = c * (x - knot.x) + s * (y - knot.y), c * (y - knot.y) - s * (x - knot.x)
     if abs(curvature) < STRAIGHT:
         return (min(max(along, first), last),)
-    # In the knot's frame the arc is (sin(k s), 1 - cos(k s)) / k. Just behind the start comes out a whole turn ahead.
+    # In the knot's frame the arc is (sin(k s), 1 - cos(k s)) / k; just behind its start is a whole turn ahead.
     turned = math.atan2(along * curvature, 1.0 - left * curvature)
     part = math.copysign(1.0, curvature) * turned % TWO_PI / abs(curvature)
     return (part,) if first <= part <= last else (first, last)

@@ -11,10 +11,10 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.planning.density import Density
 
 Point: TypeAlias = tuple[float, float]
-"""A place ``x, y`` [m, world]."""
+"""A point ``x, y`` [m, world]."""
 
 Polygon: TypeAlias = tuple[Point, ...]
-"""A convex polygon, its corners counter-clockwise [m, world]; empty for no area at all."""
+"""A convex polygon, its corners counter-clockwise [m, world]; empty when it has no area."""
 
 
 def clip(polygon: Polygon, nx: float, ny: float, limit: float) -> Polygon:
@@ -55,7 +55,7 @@ def centroid(polygon: Polygon, density: Density | None = None) -> Point:
 
     Args:
         polygon: the cell, not empty.
-        density: how much each place matters; None for uniform, which is exact.
+        density: the density over the floor; None for uniform, which is exact.
 
     Raises:
         ValueError: an empty cell.
@@ -64,7 +64,7 @@ def centroid(polygon: Polygon, density: Density | None = None) -> Point:
         raise ValueError("centroid: got a cell without area, expected at least three corners")
     if density is None:
         mass, mx, my = moments(polygon)
-        # Nearly nothing is left of the cell: its middle will do.
+        # The cell is almost empty: use the mean of its corners.
         if mass <= 1e-15:
             return sum(x for x, _ in polygon) / len(polygon), sum(y for _, y in polygon) / len(polygon)
         return mx / mass, my / mass
@@ -80,7 +80,7 @@ def moments(polygon: Polygon) -> tuple[float, float, float]:
     Args:
         polygon: its corners, counter-clockwise.
     """
-    # About the first corner, for the sake of small cells far from the origin.
+    # About the first corner, for accuracy with small cells far from the origin.
     if len(polygon) < 3:
         return 0.0, 0.0, 0.0
     x0, y0 = polygon[0]
@@ -110,7 +110,7 @@ _WEIGHTS = np.array([9 / 40] + [(155 - math.sqrt(15)) / 1200] * 3 + [(155 + math
 
 
 def _refined(levels: int) -> tuple[Array, Array]:
-    """The rule on a triangle cut in four, ``levels`` times over."""
+    """The rule on a triangle divided into four, ``levels`` times."""
     corners = np.eye(3)[None]
     for _ in range(levels):
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]

@@ -1,31 +1,32 @@
-"""Whether a robot may drive now, and if not, why."""
+"""Whether a robot may drive now, and the reasons when it may not."""
 
 from __future__ import annotations
 
 from muro_zenoh.safety.stop import StopLatch
 
 
-def reasons_to_stand(
+def reasons_to_hold(
     *, latch: StopLatch, fix_age: float, fix_limit: float, twist_age: float, twist_limit: float, hold: str
 ) -> tuple[str, ...]:
-    """Every reason for which a robot must stand still, most important first; none means it may drive.
+    """All reasons for which a robot must not drive, most important first; empty when it may drive.
 
     Args:
-        latch: what it knows of the stop order.
-        fix_age: time since the capture of the newest pose fix used [s]; infinite when there was none.
-        fix_limit: above it the estimate is not fresh [s].
-        twist_age: time since the behaviour last said what it wants [s]; infinite when it never did.
-        twist_limit: above it that is not fresh [s].
-        hold: why the behaviour itself wants to stand; empty when it does not.
+        latch: the robot's stop latch.
+        fix_age: time since the capture of the newest accepted pose fix [s]; infinite before the first.
+        fix_limit: maximum age of the fix [s].
+        twist_age: time since the behaviour's newest intent [s]; infinite before the first.
+        twist_limit: maximum age of the intent [s].
+        hold: why the behaviour itself holds; empty when it does not.
     """
     reasons = []
     if latch.reason:
         reasons.append(latch.reason)
-    # Written so that NaN stands still too.
+    # Written so that a NaN is a reason too.
     if not fix_age <= fix_limit:
-        reasons.append("no pose yet" if fix_age == float("inf") else f"no pose for {fix_age:.1f} s")
+        never = "no pose yet: waiting for a camera to see this robot"
+        reasons.append(never if fix_age == float("inf") else f"no pose for {fix_age:.1f} s")
     if hold:
         reasons.append(hold)
     elif not twist_age <= twist_limit:
-        reasons.append("the behaviour is silent")
+        reasons.append("no command from the behaviour")
     return tuple(reasons)

@@ -1,4 +1,4 @@
-"""From a desired twist to a command that the robot can and may follow."""
+"""From a desired twist to a command within the robot's limits."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from muro_zenoh.geometry import STILL, Twist2
 
 
 def calibrate_and_limit(desired: Twist2, *, cal_v: float, cal_omega: float, v_max: float, omega_max: float) -> Twist2:
-    """The command that makes a robot with drive errors do what is desired, within its limits.
+    """The command that gives a robot with drive errors the desired twist, within its limits.
 
-    Calibration comes once, here, and before the limits; a twist that is not finite is no twist, and the robot stands.
+    Calibration is applied once, here, before the limits. A twist that is not finite gives zero.
 
     Args:
-        desired: speeds wanted of the body [m/s, rad/s].
+        desired: desired twist of the body [m/s, rad/s].
         cal_v: calD, the inverse of the drive scale of v.
         cal_omega: cal0, the inverse of the drive scale of omega.
-        v_max: largest |v| commanded [m/s].
-        omega_max: largest |omega| commanded [rad/s].
+        v_max: maximum |v| of the command [m/s].
+        omega_max: maximum |omega| of the command [rad/s].
 
     Source: seed 000, sections 4.3 and 8.1 (``u2 = u2*OmegaC; u1 = u1*OmegaD``, then the limits).
     """

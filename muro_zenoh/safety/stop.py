@@ -1,4 +1,4 @@
-"""The stop latch: whether a robot may drive, from the stop orders that it heard."""
+"""The stop latch: whether a robot may drive, from the stop orders that it received."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import dataclass
 from typing import Final
 
 MOST_REVISION: Final = 2**53
-"""Whoever says a greater one is not believed: whole numbers above it are not exact in every language, and no count of
-orders reaches it. Believed, nothing could ever lift the next stop."""
+"""A greater revision is ignored: integers above it are not exact in every language, and no count of orders reaches it.
+If it were accepted, no later order could lift the stop."""
 
 
 @dataclass(frozen=True, slots=True)
 class StopLatch:
-    """What a robot knows of the stop order. A robot that heard nothing since it started stands still.
+    """A robot's stop state. A robot that has received no order since it started must not drive.
 
-    A stop is taken from anybody, at any revision. An order of revision 0 is an operator's who has not heard the state
-    either: it stops those that it names and tells nobody else anything. Only a newer revision than the newest heard
-    lifts it: at a tie the stop wins, so the base station's repetition of an old state does not lift an operator's stop
-    that it has not heard.
+    A stop is accepted from any sender, at any revision. An order of revision 0 comes from an operator who has not
+    received the state either: it stops the robots that it names and has no effect on the others. Only a newer revision
+    than the newest received lifts a stop. At a tie the stop wins, so the base station's repetition of an old state does
+    not lift an operator's stop that it has not received.
 
     Attributes:
-        heard: any order was heard.
+        heard: an order was received.
         stopped: a stop is latched.
-        everybody: ... and it was one to everybody.
-        revision: the newest revision heard.
+        everybody: the latched stop was one to all robots.
+        revision: the newest revision received.
     """
 
     heard: bool = False
@@ -37,15 +37,15 @@ class StopLatch:
 
         Args:
             me: this robot's name.
-            everybody: the order stops all.
+            everybody: the order stops all robots.
             names: the robots that it stops.
-            revision: of the order.
+            revision: the order's revision.
         """
         if revision > MOST_REVISION:
             revision = 0
         newest = max(self.revision, revision)
         if everybody or me in names:
-            # A newer order is the whole state: one that names some is no order to everybody any more.
+            # A newer order is the whole state: one that names some robots replaces an order to all.
             return StopLatch(True, True, everybody or (self.everybody and revision <= self.revision), newest)
         if revision > 0 and (revision > self.revision or not self.heard):
             return StopLatch(True, False, False, newest)
@@ -58,9 +58,9 @@ class StopLatch:
 
     @property
     def reason(self) -> str:
-        """Why it is not; empty when it is."""
+        """Why driving is not allowed; empty when it is."""
         if not self.heard:
-            return "no stop state heard yet"
+            return "no stop state received yet: waiting for the base station"
         if self.stopped:
-            return "stop order to everybody" if self.everybody else "stop order"
+            return "stopped by order (all robots)" if self.everybody else "stopped by order"
         return ""

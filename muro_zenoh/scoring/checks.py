@@ -1,55 +1,48 @@
-"""The checks that a scenario can make: one table, read by the score and by ``docs/scoresheet.md``.
-
-Their limits are set in a scenario's ``[checks]``, under the same names; see :class:`~muro_zenoh.config.Checks`.
-"""
+"""Whether a run meets the checks of its scenario. They are declared in :mod:`muro_zenoh.config.checks`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from enum import StrEnum
-from typing import Final
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin, get_type_hints
 
-from muro_zenoh.config import Checks
+from muro_zenoh.config.checks import Bound, Check, Checks
+from muro_zenoh.quantities import quantities
+from muro_zenoh.scoring.rows import definitions
 from muro_zenoh.scoring.sheet import CheckResult, ScoreSheet
 
-
-class Bound(StrEnum):
-    """Which side of its limit a value must be on; the limit itself is allowed."""
-
-    AT_MOST = "at most"
-    AT_LEAST = "at least"
+_CONVERSIONS: Final = {("ms", "s"): 1e-3}
+"""The factor from a value in the report's unit to one in its limit's unit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One check.
+class Judged(NamedTuple):
+    """A check, with what its limit and its key say of it.
 
-    Args:
-        name: of its limit in ``[checks]``.
-        looks_at: the keys of the score sheet that it looks at, in words.
-        unit: of value and limit.
-        value: what is compared with the limit; None while it is not known.
-        bound: which side of the limit the value must be on.
+    Attributes:
+        name: name of its limit in ``[checks]``.
+        check: the check that the limit belongs to.
+        unit: unit of the limit.
+        factor: factor from the report's value to that unit.
     """
 
     name: str
-    looks_at: str
+    check: Check
     unit: str
-    value: Callable[[ScoreSheet], float | None]
-    bound: Bound = Bound.AT_MOST
+    factor: float
 
     def result(self, sheet: ScoreSheet, limit: float) -> CheckResult:
-        """How the check comes out.
+        """The result of the check.
 
         Args:
             sheet: the score sheet.
-            limit: what the scenario asks for.
+            limit: the scenario's limit.
         """
-        value = self.value(sheet)
-        if value is None:
+        at_most = self.check.bound is Bound.AT_MOST
+        values = list(_values(sheet, self.check.key.split(".")))
+        known = [value * self.factor for value in values if value is not None]
+        if not known or len(known) < len(values):  # not known while one robot's is not
             return CheckResult(None, limit, False)
-        return CheckResult(value, limit, value <= limit if self.bound is Bound.AT_MOST else value >= limit)
+        worst = max(known) if at_most else min(known)
+        return CheckResult(worst, limit, worst <= limit if at_most else worst >= limit)
 
 
 def check_run(sheet: ScoreSheet, limits: Checks) -> dict[str, CheckResult]:
@@ -57,57 +50,50 @@ def check_run(sheet: ScoreSheet, limits: Checks) -> dict[str, CheckResult]:
 
     Args:
         sheet: the score sheet.
-        limits: what the scenario asks for.
+        limits: the scenario's limits.
     """
     return {
-        check.name: check.result(sheet, limit) for check in CHECKS if (limit := getattr(limits, check.name)) is not None
+        judged.name: judged.result(sheet, limit)
+        for judged in CHECKS
+        if (limit := getattr(limits, judged.name)) is not None
     }
 
 
-def _worst(which: Callable[[list[float]], float], values: Iterable[float | None]) -> float | None:
-    """The worst robot's value; not known while one robot's is not."""
-    robots = list(values)
-    known = [value for value in robots if value is not None]
-    return which(known) if robots and len(known) == len(robots) else None
+def judged_checks(kind: type[Checks]) -> tuple[Judged, ...]:
+    """The checks that a settings section declares.
+
+    Args:
+        kind: the section.
+
+    Raises:
+        TypeError: a check of a key that the report does not have, or with a limit of another unit.
+    """
+    units = {row.key: row.unit for row in definitions(ScoreSheet)}
+    found = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        check = next((note for note in get_args(hint) if isinstance(note, Check)), None)
+        if get_origin(hint) is not Annotated or check is None:
+            continue
+        if check.key not in units:
+            raise TypeError(f"check {name}: got {check.key!r}, expected a key of docs/scoresheet.md")
+        ours, theirs = quantities(kind)[name].unit, units[check.key]
+        factor = 1.0 if ours == theirs else _CONVERSIONS.get((theirs, ours))
+        if factor is None:
+            raise TypeError(f"check {name}: got a limit in {ours!r}, expected {theirs!r}, as {check.key} has")
+        found.append(Judged(name, check, ours, factor))
+    return tuple(found)
 
 
-def _pose_age(sheet: ScoreSheet) -> float | None:
-    age = sheet.pose_age_ms.p99
-    return None if age is None else age / 1e3
+def _values(value: Any, steps: list[str]) -> Iterator[float | None]:
+    """The values of a key such as ``fix_rate_hz.<robot>``; every robot's, where it names robots."""
+    if not steps:
+        yield value
+    elif isinstance(value, Mapping):
+        for inner in value.values():
+            yield from _values(inner, steps[1:])
+    else:
+        yield from _values(getattr(value, steps[0]), steps[1:])
 
 
-CHECKS: Final = (
-    Check("settle_time", "`settle_time_s`", "s", lambda sheet: sheet.settle_time_s),
-    Check(
-        "radius_error_p95",
-        "the largest `radius_error_by_robot_m.<robot>.p95`",
-        "m",
-        lambda sheet: _worst(max, (spread.p95 for spread in sheet.radius_error_by_robot_m.values())),
-    ),
-    Check("spacing_error_p95", "`spacing_error_rad.p95`", "rad", lambda sheet: sheet.spacing_error_rad.p95),
-    Check(
-        "fix_rate",
-        "the smallest `fix_rate_hz.<robot>`",
-        "Hz",
-        lambda sheet: _worst(min, sheet.fix_rate_hz.values()),
-        Bound.AT_LEAST,
-    ),
-    Check("pose_age_p99", "`pose_age_ms.p99`, in seconds", "s", _pose_age),
-    Check("collisions", "`collisions`", "", lambda sheet: sheet.collisions),
-    Check(
-        "goals_missed",
-        "`goals_asked` minus `goals_reached`; not known when no goal was asked for",
-        "",
-        lambda sheet: sheet.goals_asked - sheet.goals_reached if sheet.goals_asked else None,
-    ),
-    Check("goal_distance", "`goal_distance_m`", "m", lambda sheet: sheet.goal_distance_m),
-    Check("goal_heading", "`goal_heading_rad`", "rad", lambda sheet: sheet.goal_heading_rad),
-    Check("tracking_error_p95", "`tracking_error_m.p95`", "m", lambda sheet: sheet.tracking_error_m.p95),
-    Check("peak_speed_ratio", "`peak_speed_ratio`", "", lambda sheet: sheet.peak_speed_ratio, Bound.AT_LEAST),
-    Check("command_ratio", "`command_ratio`", "", lambda sheet: sheet.command_ratio),
-    Check("coverage_distance", "`coverage.distance_m`", "m", lambda sheet: sheet.coverage.distance_m),
-    Check("coverage_gain", "`coverage.gain`", "", lambda sheet: sheet.coverage.gain),
-    Check("coverage_rise", "`coverage.rise`", "", lambda sheet: sheet.coverage.rise),
-    Check("density_error", "`density_error`", "", lambda sheet: sheet.density_error),
-)
-"""Every check, in the order of :class:`~muro_zenoh.config.Checks`."""
+CHECKS: Final = judged_checks(Checks)
+"""Every check, in the order of the settings."""

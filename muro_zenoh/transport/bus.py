@@ -1,7 +1,7 @@
 """The bus: typed channels over a link.
 
-Publishers stamp and number; mailboxes decode and count. What a process sends itself is handed over as it is, and
-published besides.
+Publishers stamp and number; mailboxes decode and count. What a process sends itself is handed over
+without encoding, and published as well.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
-from muro_zenoh.transport.inbox import Inbox
+from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.orders import Orders, nobody_answered
@@ -52,7 +52,7 @@ class Bus:
         clock: for stamps and arrival times.
 
     Attributes:
-        epoch: this process's number; drawn anew for each bus.
+        epoch: this process's number; drawn at random for each bus.
         counters: what became of the messages, by the channel's word.
     """
 
@@ -67,7 +67,7 @@ class Bus:
         self._loop = asyncio.get_running_loop()
         self._readers: dict[str, list[Inbox[Any]]] = {}
         self._open: dict[Closable, None] = {}  # in the order of their declaration
-        self._everybodys: list[tuple[str, Inbox[Any]]] = []  # mailboxes of `*`, with the start of their keys
+        self._wildcards: list[tuple[str, Inbox[Any]]] = []  # with the start of their keys
         self._own_keys: set[str] = set()
         self._orders: list[Orders[Any]] = []
         self._closed = False
@@ -82,7 +82,7 @@ class Bus:
             name: the robot's (camera's, process's) name, where the channel has names.
 
         Raises:
-            ConfigError: this process has no role that writes the channel; not a name, or a name too many or too few.
+            ConfigError: no role of this process writes the channel; or the name is invalid, missing or superfluous.
         """
         self._check_open()
         self._check_role({party.role for party in channel.writers}, f"channel {channel.word}", "publish on it")
@@ -95,8 +95,8 @@ class Bus:
         readers = self._readers.setdefault(key, [])
         if key not in self._own_keys:
             self._own_keys.add(key)
-            # Mailboxes of everybody's messages that were there first learn of the new key.
-            readers += [inbox for start, inbox in self._everybodys if key.startswith(start)]
+            # Mailboxes of `*` that were declared first get the new key's messages too.
+            readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
         publisher: Publisher[T] = Publisher(key, link, readers, self.clock, self.epoch)
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
@@ -107,34 +107,32 @@ class Bus:
 
         Args:
             channel: which.
-            name: whose; ``*`` for everybody's.
-            own_only: take only what this very process sends; nobody else can then speak for it.
+            name: whose; ``*`` for all names.
+            own_only: take only what this process sends, so that no other process can speak for it.
         """
-        return self._subscribe(channel, name, Latest(*self._slot(channel, name)), own_only)
+        return self._subscribe(channel, name, Latest(self._slot(channel, name)), own_only)
 
     def every(self, channel: Channel[T], name: str = "", depth: int = 64) -> Every[T]:
-        """A bounded queue of a name's messages, or of everybody's when ``name`` is ``*``.
+        """A bounded queue of a name's messages, or of all names when ``name`` is ``*``.
 
         Args:
             channel: which.
-            name: whose; ``*`` for everybody's.
+            name: whose; ``*`` for all names.
             depth: how many wait at most; beyond, the oldest goes and is counted.
         """
-        return self._subscribe(channel, name, Every(*self._slot(channel, name), depth))
+        return self._subscribe(channel, name, Every(self._slot(channel, name), depth))
 
-    def _slot(
-        self, channel: Channel[T], name: str
-    ) -> tuple[type[T], int, Clock, asyncio.AbstractEventLoop, Counters, str]:
+    def _slot(self, channel: Channel[T], name: str) -> Slot[T]:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
-        return channel.kind, prefix, self.clock, self._loop, counters, key_of(self.realm, channel, name)
+        return Slot(channel.kind, prefix, self.clock, self._loop, counters, key_of(self.realm, channel, name))
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()
         expression = key_of(self.realm, channel, name)
         if name == "*":
             start = expression[:-1]
-            self._everybodys.append((start, inbox))
+            self._wildcards.append((start, inbox))
             ours = [key for key in self._own_keys if key.startswith(start)]
         else:
             ours = [expression]
@@ -155,7 +153,7 @@ class Bus:
         for readers in self._readers.values():
             if thing in readers:
                 readers.remove(thing)
-        self._everybodys = [entry for entry in self._everybodys if entry[1] is not thing]
+        self._wildcards = [entry for entry in self._wildcards if entry[1] is not thing]
 
     def _check_role(self, roles: Iterable[Role], where: str, what: str) -> None:
         if self.roles.isdisjoint(roles):
@@ -163,7 +161,7 @@ class Bus:
                 where,
                 got=f"a process with the role {_either(self.roles)} to {what}",
                 expected=f"one with the role {_either(roles)}",
-                hint="The roles are given where the bus is opened; who does what stands in docs/channels.md",
+                hint="The roles are given where the bus is opened; docs/channels.md says which role does what",
             )
 
     def _check_open(self) -> None:
@@ -207,9 +205,9 @@ class Bus:
             timeout: how long to wait [s].
 
         Raises:
-            ConfigError: this process has no role that gives such an order; not a name, or a name too many or too few.
+            ConfigError: no role of this process gives the order; or the name is invalid, missing or superfluous.
             NoReply: nobody answered in time.
-            MessageError: what came was no reply.
+            MessageError: the answer is not a reply.
         """
         self._check_open()
         self._check_role((verb.asked_by,), f"order {verb.word}", "give it")
@@ -230,7 +228,7 @@ class Bus:
             name: whose orders, where the order has names.
 
         Raises:
-            ConfigError: this process has no role that answers such an order; not a name, or a name too many or too few.
+            ConfigError: no role of this process answers the order; or the name is invalid, missing or superfluous.
         """
         self._check_open()
         self._check_role((verb.answered_by,), f"order {verb.word}", "answer it")
@@ -311,7 +309,7 @@ def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROL
     Args:
         link: the middleware.
         realm: the first words of every key.
-        roles: of the process; all of them by default, as a test has that plays everybody.
+        roles: of the process; all of them by default, for tests that play every process.
         clock: for stamps and arrival times; the system's by default.
     """
     return Bus(link, realm, roles, clock or SystemClock())

@@ -1,8 +1,8 @@
 """How late a message is, when no two clocks agree.
 
-Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the quickest way
-through. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is late by that
-measure, though it has just arrived.
+Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the shortest
+time that the path took. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is
+late by that measure, though it has just arrived.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class DelayTracker:
         """Take a message into account.
 
         Args:
-            epoch: the writer's process; another one starts anew.
+            epoch: the writer's process; another one starts from scratch.
             stamp: the message's stamp [s, the writer's clock].
             arrival: when it came [s, our clock].
 
@@ -49,12 +49,12 @@ class DelayTracker:
         if epoch != self._epoch:
             self._epoch = epoch
             window = self._writers.pop(epoch, None) or _Window(arrival)
-            self._writers[epoch] = self._last = window  # the one heard last stands last
+            self._writers[epoch] = self._last = window  # the one heard last comes last
             if len(self._writers) > _MOST_WRITERS:
                 del self._writers[next(iter(self._writers))]
         window = self._last
         if arrival - window.began > _HALF_WINDOW:
-            # Clocks drift, so the least may rise; but no more than they do. A way that grew two seconds longer, a radio
+            # Clocks drift, so the least may rise; but no more than they do. A path that grew by two seconds, a radio
             # link with full buffers, stays late and does not become the measure of what is quick.
             window.older, window.newer = min(window.newer, min(window.older, window.newer) + _DRIFT), math.inf
             window.began = arrival

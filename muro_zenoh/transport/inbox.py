@@ -1,7 +1,7 @@
 """Mailboxes between the middleware's threads and the event loop.
 
-A callback files bytes and leaves. A loop whose task waits is woken once for all that was filed meanwhile; a mailbox
-that nobody waits at wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts
+A callback files bytes and returns. A waiting task is woken once for everything filed in the meantime; a mailbox where
+no task waits wakes nothing. Decoding is done on the loop, after coalescing. Every mailbox is bounded, and counts
 what it drops and what it rejects.
 """
 
@@ -10,15 +10,15 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
-from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Generic, Self, TypeVar
+from abc import abstractmethod
+from typing import Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
 from muro_zenoh.messages import Message, check_encoding, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.delay import DelayTracker
+from muro_zenoh.transport.link import Declared
 from muro_zenoh.transport.received import Counters, Received
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T", bound=Message)
 
 _MAX_KEYS = 1024
-"""Keys a mailbox of many remembers; a stranger who writes on ever new ones fills no memory."""
+"""Keys that a mailbox of ``*`` remembers at most: a writer of ever new keys must not fill the memory."""
 
 MAX_PAYLOAD = 8 * 2**20
 """A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
@@ -36,37 +36,39 @@ Filed = tuple[bytes, str | None, float]
 """Payload, encoding, arrival."""
 
 
-class Inbox(ABC, Generic[T]):
+class Slot(NamedTuple, Generic[T]):
+    """What a mailbox is put up for.
+
+    ``kind`` of its messages; ``prefix``: length of the key up to the name; ``clock`` for arrival times; ``loop``: where
+    it is read; ``counters``, shared by all mailboxes of a channel; ``where``: the key, for error messages.
+    """
+
+    kind: type[T]
+    prefix: int
+    clock: Clock
+    loop: asyncio.AbstractEventLoop
+    counters: Counters
+    where: str
+
+
+class Inbox(Declared, Generic[T]):
     """What :class:`Latest` and :class:`Every` share: filing, waking, counting.
 
     Args:
-        kind: the message type.
-        prefix: length of the key up to the name.
-        clock: for arrival times.
-        loop: where it is read.
-        counters: shared by all mailboxes of a channel.
-        where: the key, for error messages.
+        slot: what it is put up for.
         depth: raw samples of a key that wait for the loop at most.
     """
 
-    def __init__(
-        self,
-        kind: type[T],
-        prefix: int,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counters,
-        where: str,
-        depth: int,
-    ) -> None:
-        self._kind = kind
-        self._encoding = encoding_of(kind)
-        self._decode = decoder(kind)
-        self._prefix = prefix
-        self._now = clock.now
-        self._loop = loop
-        self._counters = counters
-        self._where = where
+    def __init__(self, slot: Slot[T], depth: int) -> None:
+        super().__init__()
+        self._kind = slot.kind
+        self._encoding = encoding_of(slot.kind)
+        self._decode = decoder(slot.kind)
+        self._prefix = slot.prefix
+        self._now = slot.clock.now
+        self._loop = slot.loop
+        self._counters = slot.counters
+        self._where = slot.where
         self._depth = depth
         self._thread = threading.get_ident()
         self._lock = threading.Lock()
@@ -75,8 +77,6 @@ class Inbox(ABC, Generic[T]):
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
         self._episode = False
-        self._closers: list[Callable[[], None]] = []
-        self._closed = False
 
     # ---- from any thread
 
@@ -101,10 +101,10 @@ class Inbox(ABC, Generic[T]):
             if self._awake or self._waiter is None:
                 return
             self._awake = True
-        if threading.get_ident() == self._thread:  # an in-memory link's: nobody sleeps who must be woken
+        if threading.get_ident() == self._thread:  # from an in-memory link: the loop is awake
             self._wake()
             return
-        try:  # noqa: SIM105 - suppress() costs a microsecond on the way of every message
+        try:  # noqa: SIM105 - suppress() costs a microsecond on the path of every message
             self._loop.call_soon_threadsafe(self._wake)
         except RuntimeError:
             pass  # Zenoh calls back after undeclare() until its backlog is drained; a closed loop wants none of it
@@ -112,7 +112,7 @@ class Inbox(ABC, Generic[T]):
     # ---- on the loop
 
     def hand(self, key: str, message: T) -> None:
-        """Take a message that this very process sends; it was never bytes."""
+        """Take a message that this process itself sends, without encoding."""
         if self._raw:
             self._sort()  # what others sent before it is older
         now = self._now()
@@ -139,7 +139,7 @@ class Inbox(ABC, Generic[T]):
                 raise TransportError(f"{self._where}: two tasks wait at one mailbox; give each its own")
             self._waiter = self._loop.create_future()
             try:
-                if not self._raw:  # else filed since, and perhaps nobody was woken for it
+                if not self._raw:  # else something was filed before there was a waiter to wake
                     await self._waiter
             finally:
                 self._waiter = None
@@ -148,19 +148,6 @@ class Inbox(ABC, Generic[T]):
         return self
 
     __anext__ = next
-
-    def close(self) -> None:
-        """Undeclare it; a task that waits here gets a :class:`TransportError`."""
-        if self._closed:
-            return
-        self._closed = True
-        for close in self._closers:
-            close()
-        self._notify()
-
-    def on_close(self, close: Callable[[], None]) -> None:
-        """Have ``close`` called when the mailbox is closed."""
-        self._closers.append(close)
 
     def _wake(self) -> None:
         """Let the task that waits sort what was filed."""
@@ -188,7 +175,7 @@ class Inbox(ABC, Generic[T]):
         """The next unread message, or None."""
 
     def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
-        """The message in a sample, or None when it is none: counted, and said once per episode."""
+        """The message in a sample; None for an invalid one, which is counted, and logged once per episode."""
         tracker = self._delays.get(key)
         try:
             if len(payload) > MAX_PAYLOAD:
@@ -202,7 +189,7 @@ class Inbox(ABC, Generic[T]):
             self._counters.rejected += 1
             if not self._episode:
                 self._episode = True
-                log.warning("%s: dropped a message: %s (said once until a good one comes)", key, error)
+                log.warning("%s: dropped a message: %s (logged once until a good one comes)", key, error)
             return None
         self._episode = False
         if tracker is None:

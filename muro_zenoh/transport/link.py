@@ -1,10 +1,11 @@
 """What a bus needs of the middleware: the one seam, with a Zenoh side and an in-memory side.
 
-A link carries bytes. It calls back on whatever thread it likes; the callbacks only file and leave.
+A link carries bytes. It calls back on any thread; the callbacks only file and return.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
 
@@ -23,6 +24,32 @@ class Closable(Protocol):
     def close(self) -> None:
         """Undeclare it; a second time does nothing."""
         ...
+
+
+class Declared(ABC):
+    """Something declared on a link that tasks wait at, and what is to be done when it is closed."""
+
+    def __init__(self) -> None:
+        self._closers: list[Callable[[], None]] = []
+        self._closed = False
+
+    def on_close(self, close: Callable[[], None]) -> None:
+        """Have ``close`` called when this is closed."""
+        self._closers.append(close)
+
+    def close(self) -> None:
+        """Undeclare it; a task that waits here gets a :class:`~muro_zenoh.errors.TransportError`. A second time does
+        nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        for close in self._closers:
+            close()
+        self._notify()
+
+    @abstractmethod
+    def _notify(self) -> None:
+        """Wake the task that waits."""
 
 
 class LinkPublisher(Closable, Protocol):
@@ -60,7 +87,7 @@ class Link(Protocol):
 
     def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
         """Declare a reader of others' samples, not of this link's own; ``encoding``: what they will mostly have;
-        ``keep``: with the values kept by now, whoever keeps them."""
+        ``keep``: including the values that are kept already, by any writer."""
         ...
 
     def declare_token(self, key: str) -> Closable:

@@ -65,7 +65,7 @@ class MemoryNetwork:
 
     def _subscribe(self, reader: _Reader) -> None:
         self._readers.append(reader)
-        self._readers_of.clear()  # matched anew at each key's next sample
+        self._readers_of.clear()  # matched again at the next sample of each key
 
     def _unsubscribe(self, gone: Callable[[_Reader], bool]) -> None:
         self._readers = [reader for reader in self._readers if not gone(reader)]
@@ -126,9 +126,9 @@ class MemoryLink:
         reader = _Reader(self, key_expr, file)
         self.network._subscribe(reader)
         if keep:
-            for key, (_, payload, said) in self.network._kept.items():
+            for key, (_, payload, encoding_sent) in self.network._kept.items():
                 if matches(key_expr, key):
-                    file(key, payload, said)
+                    file(key, payload, encoding_sent)
         return _Undo(lambda: self.network._unsubscribe(lambda other: other is reader))
 
     def declare_token(self, key: str) -> Closable:
@@ -141,7 +141,7 @@ class MemoryLink:
         tokens = self.network._tokens
         if token in tokens:
             tokens.remove(token)
-            # Another process may have declared the same: who is there twice is there until both are gone.
+            # Two processes may declare the same token: it is gone when both are.
             if all(key != token[0] for key, _ in tokens):
                 self._tell(token[0], False)
 

@@ -130,6 +130,6 @@ def nobody_answered(verb: Verb[Any], key: str, name: str, timeout: float) -> str
     if name:
         who, process = f"{who} of {name}", f"{process} FILE {name}"
     return (
-        f"{key}: nobody answered (waited at most {timeout:g} s), expected the {who} to. "
+        f"{key}: nobody answered (waited at most {timeout:g} s), expected the {who} to answer. "
         f"Is `{process}` running, and on this router?"
     )

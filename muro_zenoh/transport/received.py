@@ -53,5 +53,5 @@ class Received(Struct, Generic[T], frozen=True, gc=False):
         return now - self.arrival + self.delay
 
     def captured(self, latency: float = 0.0) -> float:
-        """When it was stamped, by our clock [s], given the least latency of the way here [s]."""
+        """When it was stamped, by our clock [s], given the least latency on the path here [s]."""
         return self.message.stamp + self.least - latency

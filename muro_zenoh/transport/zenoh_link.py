@@ -25,7 +25,7 @@ from muro_zenoh.config import BusSettings
 from muro_zenoh.errors import NotConnected, TransportError
 from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
 
-# Read by Zenoh when it starts its runtime, so it stands before the import. A router must not have it: there it
+# Read by Zenoh when it starts its runtime, so it is set before the import. A router must not have it: there it
 # would never forward large messages.
 _ONE_THREAD = (
     "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app), acc: (handover: app), net: (handover: app))"
@@ -59,7 +59,7 @@ def zenoh_config(settings: BusSettings) -> zenoh.Config:
     """Zenoh's own configuration for our settings.
 
     Args:
-        settings: a ``config`` file in them is the ground on which the rest is laid.
+        settings: a ``config`` file in them comes first; the rest overrides it.
 
     Raises:
         TransportError: the file or a value is refused by Zenoh.
@@ -82,13 +82,16 @@ def _settings(settings: BusSettings) -> dict[str, Any]:
         "scouting/delay": 0,
         "transport/link/tx/lease": int(settings.lease * 1000),
         "transport/link/tx/keep_alive": 4,
+        # Frames go through shared memory between processes of one machine, the fleet's table does not: from about 40
+        # robots on it is larger than Zenoh's threshold of 3 kB, and each agent would map 40 MB of pools to read it.
+        "transport/shared_memory/transport_optimization/message_size_threshold": 65536,
         "timestamping/enabled": True,  # the cache behind kept channels wants it
     }
     if settings.connect:
         out["connect/endpoints"] = list(settings.connect)
     if settings.connect or settings.mode != "client":
-        # Peers and routers keep trying for ever in the background. A client's open() is one attempt, which we repeat:
-        # between two of them it can be cancelled. Once open, it looks for a router that went away for ever, too.
+        # Peers and routers keep trying in the background. A client's open() is one attempt, which we repeat:
+        # between two of them it can be cancelled. Once open, it keeps looking for a router that went away, too.
         out["connect/timeout_ms"] = 0 if settings.mode == "client" else -1
         out["connect/exit_on_failure"] = settings.mode == "client"
         out["connect/retry"] = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
@@ -115,10 +118,10 @@ class _Declared:
 class _Publisher(_Declared):
     def put(self, payload: bytes) -> None:
         if self._declared is not None:
-            try:  # noqa: SIM105 - suppress() costs a microsecond on the way of every message
+            try:  # noqa: SIM105 - suppress() costs a microsecond on the path of every message
                 self._declared.put(payload)
             except zenoh.ZError:
-                pass  # a session that is closing; what it would have said is of no use any more
+                pass  # a session that is closing; its last messages are of no use
 
 
 class _Query:
@@ -187,7 +190,7 @@ class ZenohLink:
 
     @classmethod
     async def open(cls, settings: BusSettings) -> ZenohLink:
-        """Open a session. A client waits a while for its router.
+        """Open a session. A client waits for its router, up to a limit.
 
         Args:
             settings: mode, endpoints and the rest.
@@ -231,11 +234,11 @@ class ZenohLink:
         def on_sample(sample: zenoh.Sample) -> None:
             # Text is made only of what is not as usual: this runs for every message, and cold.
             if sample.kind == put:
-                said = sample.encoding
+                sent = sample.encoding
                 file(
                     only_key or str(sample.key_expr),
                     sample.payload.to_bytes(),
-                    encoding if said == usual else str(said),
+                    encoding if sent == usual else str(sent),
                 )
 
         handler = _direct(on_sample)
@@ -303,7 +306,7 @@ class ZenohLink:
         try:
             done, _ = await asyncio.wait({closing}, timeout=_CLOSE_TIMEOUT)
         except asyncio.CancelledError:
-            # Half closed is worse than late: the thread cannot be stopped anyway.
+            # A half-closed session is worse than a late end: the thread cannot be stopped anyway.
             await asyncio.wait({closing}, timeout=_CLOSE_TIMEOUT)
             raise
         if not done:

@@ -114,10 +114,11 @@ def test_the_other_sign_of_the_passivity_law_diverges() -> None:
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_the_fields_heading_error_falls_as_the_formula_says(clockwise: bool) -> None:
     # With the exact feed-forward the heading error obeys d/dt = -k_h error, whatever the place.
-    circle, law, v, k_h = Circle(0.0, 0.0, 0.6, clockwise), circle_law(), 0.15, 3.0
+    circle, v, k_o, k_h = Circle(0.0, 0.0, 0.6, clockwise), 0.15, 15.0, 3.0
+    law = circle_law("vector_field", k_o=k_o, k_h=k_h)
 
     def field(x: float, y: float) -> float:
-        return math.atan2(y, x) + circle.sigma * (math.pi / 2 + math.atan(15.0 * (math.hypot(x, y) - 0.6)))
+        return math.atan2(y, x) + circle.sigma * (math.pi / 2 + math.atan(k_o * (math.hypot(x, y) - 0.6)))
 
     rng = np.random.default_rng(2)
     dt = 1e-6

@@ -59,7 +59,7 @@ def test_every_goal_away_from_the_walls_is_reached_from_anywhere(
     place: tuple[float, float], heading: float, goal: tuple[float, float], theta: float | None
 ) -> None:
     ridden = Ridden(Pose2(*place, heading), Destination(*goal, theta))
-    assert math.hypot(ridden.end.x - goal[0], ridden.end.y - goal[1]) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x - goal[0], ridden.end.y - goal[1]) <= 0.03
     assert theta is None or abs(wrap_to_pi(ridden.end.theta - theta)) <= 0.1
     inside = FLOOR.shrunk(RADIUS)
     assert all(inside.holds(p.x, p.y, slack=0.05) for p in ridden.poses[1:])
@@ -71,7 +71,7 @@ def test_a_robot_that_faces_a_wall_turns_on_the_spot_first(x: float, heading: fl
     pose = Pose2(x, 0.0, heading)
     ridden = Ridden(pose, Destination(0.0, 0.5))
     assert ridden.first.turning
-    assert math.hypot(ridden.end.x, ridden.end.y - 0.5) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x, ridden.end.y - 0.5) <= 0.03
     assert max(p.x for p in ridden.poses) <= max(x, FLOOR.x_max - RADIUS) + 0.02
 
 
@@ -82,7 +82,7 @@ def test_who_need_not_turn_does_not() -> None:
 @pytest.mark.parametrize("side", [0.05, -0.05, 0.2, -0.2])
 def test_a_goal_inside_the_turning_circle_is_reached(side: float) -> None:
     ridden = Ridden(Pose2(0.0, 0.0, 0.0), Destination(0.0, side))
-    assert math.hypot(ridden.end.x, ridden.end.y - side) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x, ridden.end.y - side) <= 0.03
 
 
 def test_left_and_right_are_alike() -> None:
@@ -104,7 +104,7 @@ def test_who_is_there_need_not_ride() -> None:
 def test_at_the_goal_in_another_heading_it_rides_round() -> None:
     ridden = Ridden(Pose2(0.0, 0.0, 0.0), Destination(0.0, 0.0, math.pi))
     assert abs(wrap_to_pi(ridden.end.theta - math.pi)) <= 0.1
-    assert math.hypot(ridden.end.x, ridden.end.y) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x, ridden.end.y) <= 0.03
 
 
 def test_who_is_carried_off_the_path_plans_anew() -> None:

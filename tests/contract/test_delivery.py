@@ -147,7 +147,7 @@ async def test_what_is_forgotten_is_gone_until_it_is_heard_again(network: Networ
     assert (await within(2, box.next(), "the next")).message.speed == 2.0
 
 
-async def test_another_realm_is_another_world(network: Network) -> None:
+async def test_another_realm_is_separate(network: Network) -> None:
     writer, reader = await network.open(), await network.open()
     box = reader.latest(channels.VELOCITY, "r1")
     out = writer.publisher(channels.VELOCITY, "r1")

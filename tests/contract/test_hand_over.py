@@ -51,7 +51,7 @@ async def test_a_kept_value_is_handed_over_once_too(network: Network) -> None:
     assert box.drain() == []
 
 
-async def test_what_a_stranger_sent_before_is_older(network: Network) -> None:
+async def test_what_an_outsider_sent_before_is_older(network: Network) -> None:
     bus = await network.open()
     box = bus.latest(channels.VELOCITY, "r1")
     out = bus.publisher(channels.VELOCITY, "r1")
@@ -89,7 +89,7 @@ async def test_two_publishers_of_one_key_hand_over_each_message_once(network: Ne
     assert [got.message.speed for got in box.drain()] == [0.0, 1.0]
 
 
-async def test_a_hand_over_wakes_who_waits(network: Network) -> None:
+async def test_a_hand_over_wakes_the_waiting_task(network: Network) -> None:
     bus = await network.open()
     box = bus.latest(channels.VELOCITY, "r1")
     waiting = asyncio.create_task(box.next())
@@ -118,7 +118,7 @@ async def test_what_was_sent_is_stamped_once_and_the_callers_message_stays(netwo
     clock = ManualClock(42.0)
     bus = await network.open(clock)
     out = bus.publisher(channels.POSE, "r1")
-    measured = PoseFix(stamp=40.0, age=0.0, x=0.0, y=0.0, theta=0.0, covariance=COVARIANCE, camera="north")
+    measured = PoseFix(stamp=40.0, age=0.05, x=0.0, y=0.0, theta=0.0, covariance=COVARIANCE, camera="north")
     assert out.put(measured).stamp == 40.0
     assert (measured.seq, measured.epoch) == (0, 0)
     mine = speed(1.0)

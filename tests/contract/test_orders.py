@@ -84,7 +84,7 @@ async def _asked(bus: Bus, name: str, goal: Goal) -> Reply:
 async def test_nobody_answers_for_a_robot(network: Network) -> None:
     bus = await network.open()
     with pytest.raises(
-        NoReply, match=r"dig/r7: nobody .*at most 5 s.*the agent of r7 to\. Is `muro agent FILE r7` running"
+        NoReply, match=r"dig/r7: nobody .*at most 5 s.*the agent of r7 to answer\. Is `muro agent FILE r7` running"
     ):
         await bus.ask(DIG, Goal(x=0.0, y=0.0), name="r7", timeout=5.0)
 
@@ -176,7 +176,7 @@ async def test_closing_a_bus_ends_the_answers_that_it_works_on(network: Network)
         await asking
 
 
-async def test_an_order_that_is_none_is_refused_with_the_reason(network: Network) -> None:
+async def test_an_invalid_order_is_refused_with_the_reason(network: Network) -> None:
     bus, base = await network.open(), await network.open()
     base.answer(channels.SET_CIRCLE, lambda order: Reply(accepted=True))
     await answered(bus)
@@ -212,7 +212,7 @@ async def test_a_handler_that_refuses_or_fails_still_answers(
     assert (await within(2, bus.ask(channels.SET_CIRCLE, SetCircle()), "the next answer")).accepted
 
 
-async def test_a_reply_that_is_none_is_an_error(network: Network) -> None:
+async def test_an_invalid_reply_is_an_error(network: Network) -> None:
     bus, base = await network.open(), await network.open()
     base._link.answer(f"{network.realm}/basestation/stop", lambda question: question.reply(b"garbage", "text/plain"))
     async with asyncio.timeout(seconds(5)):

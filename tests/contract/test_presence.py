@@ -21,7 +21,7 @@ async def test_presence_comes_and_goes(network: Network) -> None:
     await within(2, roster.until(lambda r: r.alive == {("agent", "r1")}), "r2 to have gone")
 
 
-async def test_one_of_two_of_a_name_may_leave(network: Network) -> None:
+async def test_one_of_two_processes_with_the_same_name_may_leave(network: Network) -> None:
     watcher, first, second = await network.open(), await network.open(), await network.open()
     roster: Roster = watcher.roster()
     first.announce(Role.AGENT, "r1")

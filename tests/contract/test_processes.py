@@ -147,7 +147,7 @@ def _files() -> int:
     return sum(not name.startswith("/dev/shm/") for name in names)
 
 
-async def test_no_router_is_said_with_what_to_do() -> None:
+async def test_no_router_is_reported_with_what_to_do() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with pytest.raises(NotConnected, match=f"{endpoint}.*muro router"):
         await within(8, _open(endpoint), "the refusal")
@@ -163,14 +163,14 @@ async def test_an_open_that_finds_no_router_can_be_cancelled() -> None:
     assert time.monotonic() - began < seconds(1.0)
 
 
-async def test_a_taken_port_is_said(shared_router: Router) -> None:
+async def test_a_taken_port_is_reported(shared_router: Router) -> None:
     settings = BusSettings(mode="router", connect=(), listen=(shared_router.endpoint,))
     with pytest.raises(TransportError, match="Is the port taken"):
         async with open_bus(settings, Role.AGENT):
             pass
 
 
-async def test_a_refused_configuration_is_said() -> None:
+async def test_a_refused_configuration_is_reported() -> None:
     with pytest.raises(TransportError, match=r"no-such-file\.json5"):
         async with open_bus(BusSettings(config="no-such-file.json5"), Role.AGENT):
             pass

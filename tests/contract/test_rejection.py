@@ -44,7 +44,7 @@ BAD = {
 
 @pytest.mark.parametrize("kind", ["latest", "every"])
 @pytest.mark.parametrize("what", BAD)
-async def test_what_is_no_message_is_counted_and_dropped(network: Network, what: str, kind: str) -> None:
+async def test_an_invalid_message_is_counted_and_dropped(network: Network, what: str, kind: str) -> None:
     reader = await network.open()
     key = f"{network.realm}/velocity/r1"
     box: Box = reader.latest(channels.VELOCITY, "r1") if kind == "latest" else reader.every(channels.VELOCITY, "r1")
@@ -76,7 +76,7 @@ async def test_another_version_or_encoding_is_refused(network: Network, encoding
 
 
 @pytest.mark.parametrize("encoding", [None, "application/msgpack", "application/octet-stream"])
-async def test_a_stranger_who_says_nothing_of_the_version_is_taken(network: Network, encoding: str | None) -> None:
+async def test_a_writer_that_sends_no_version_is_accepted(network: Network, encoding: str | None) -> None:
     reader = await network.open()
     key = f"{network.realm}/velocity/r1"
     box = reader.latest(channels.VELOCITY, "r1")
@@ -102,7 +102,9 @@ async def test_garbage_in_the_same_burst_does_not_displace_a_good_message(networ
     assert counters.rejected == 3
 
 
-async def test_a_rejected_message_is_said_once_per_episode(network: Network, caplog: pytest.LogCaptureFixture) -> None:
+async def test_a_rejected_message_is_logged_once_per_episode(
+    network: Network, caplog: pytest.LogCaptureFixture
+) -> None:
     reader = await network.open()
     key = f"{network.realm}/velocity/r1"
     box = reader.every(channels.VELOCITY, "r1")
@@ -155,7 +157,7 @@ async def test_good_messages_on_ever_new_keys_fill_no_memory(network: Network) -
 
 
 @pytest.mark.parametrize("name", ["R1", "a b", "x" * 33, "9"])
-async def test_a_name_that_is_none_is_refused(network: Network, name: str) -> None:
+async def test_an_invalid_name_is_refused(network: Network, name: str) -> None:
     reader = await network.open()
     box = reader.every(channels.VELOCITY, "*")
     await linked(lambda v: network.put(f"{network.realm}/velocity/r1", plain(v)), box)

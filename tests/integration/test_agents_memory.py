@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ import msgpack
 import pytest
 
 from muro_zenoh import channels
+from muro_zenoh.behaviours.circle import CircleFollowing
+from muro_zenoh.behaviours.interface import Intent, Seen
 from muro_zenoh.channels import Role
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import (
@@ -32,21 +34,10 @@ from muro_zenoh.messages import (
 )
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+from tests.support.virtual import virtual
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DEAD_MAN = channels.CMD_VEL.stale_after or 0.0
-
-Test = Callable[[], Coroutine[Any, Any, None]]
-
-
-def virtual(test: Test) -> Callable[[], None]:
-    """A test that runs in virtual time."""
-
-    def run() -> None:
-        run_virtually(test())
-
-    run.__name__, run.__doc__ = test.__name__, test.__doc__
-    return run
 
 
 @contextlib.asynccontextmanager
@@ -224,6 +215,21 @@ async def test_pursuit_holds_when_the_positions_are_silent() -> None:
 
 
 @virtual
+async def test_pursuit_drives_by_positions_0_45_s_old_and_not_by_those_older_than_0_55_s() -> None:
+    async with memory_fleet(scenario(2, "pursuit")) as fleet:
+        await fleet.until(lambda: len(fleet.driving) == 2, 3, "everybody drives")
+        await asyncio.sleep(2.0)
+        snapshots = (await fleet.bus()).latest(channels.ALL_POSITIONS)
+        last = await snapshots.next()
+        fleet.silence(channels.ALL_POSITIONS)
+        for age, driving in ((0.45, {"r1", "r2"}), (0.56, set())):  # an estimate comes every 0.05 s
+            await asyncio.sleep(age - last.age(fleet.clock.now()))
+            assert snapshots.get() == last  # there is no newer one
+            assert fleet.driving == driving, age
+        await fleet.until(lambda: fleet.holds("r1", "no positions for 0."), 0.2, "it says why, and how old they are")
+
+
+@virtual
 async def test_a_velocity_that_cannot_come_means_hold() -> None:
     """A robot alone, with no snapshot ever: pursuit chooses no speed, and path following invents none."""
     async with memory_fleet(scenario(1, "pursuit"), agents=False) as fleet:
@@ -242,10 +248,11 @@ async def test_who_has_heard_no_stop_state_stands() -> None:
     async with memory_fleet(scenario(2, "circle"), agents=False) as fleet:
         fleet.silence(channels.STOP)
         await fleet.start_agent("r1")
-        await fleet.until(lambda: fleet.holds("r1", "no stop state heard yet"), 2, "it says why")
+        await fleet.until(lambda: fleet.holds("r1", "no stop state received yet"), 2, "it says why")
         await asyncio.sleep(2.0)
         assert fleet.commanded("r1") == (0.0, 0.0)
-        assert fleet.healths["r1"].reasons == ("no stop state heard yet",)  # all else is there
+        # All else is there.
+        assert fleet.healths["r1"].reasons == ("no stop state received yet: waiting for the base station",)
 
 
 @virtual
@@ -254,7 +261,7 @@ async def test_a_stop_order_stands_with_the_wheels_at_zero_until_it_is_lifted() 
         await fleet.order(channels.STOP_ORDER, Stop())
         await fleet.until(lambda: not fleet.driving, 0.1, "zero at once")
         await fleet.until(lambda: all(fleet.healths[n].stop_latched for n in ("r1", "r2")), 0.1, "said at once")
-        assert fleet.holds("r1", "stop order to everybody")
+        assert fleet.holds("r1", "stopped by order (all robots)")
         await asyncio.sleep(1.5)
         assert fleet.speed("r1") == pytest.approx(0.0, abs=1e-3)
         assert not fleet.dead_man("r1")  # zero is commanded, not left to the dead-man
@@ -327,7 +334,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
     [
         ("fly", {}, "got 'fly', expected one of circle, coverage"),
         ("nolab.swarm:flock", {}, "No module named 'nolab'"),
-        ("circle", {"sped": 0.2}, "behaviour.sped: got a key that nothing reads"),
+        ("circle", {"sped": 0.2}, "behaviour.sped: got an unknown key"),
         ("circle", {"speed": "fast"}, "behaviour.speed: got 'fast' (text), expected a number at least 0"),
         ("circle", {"speed": -0.1}, "behaviour.speed: got -0.1"),
         ("circle", {"law": "magic"}, "magic"),
@@ -339,7 +346,7 @@ def standing(behaviour: str, parameters: dict[str, Any], reason: str) -> None:
         ("dubins", {"goals": ((0.5,),)}, "behaviour.goals[0]: got 1 numbers"),
         ("steer", {"reverse_from": 0.1}, "behaviour.reverse_from: got 0.1"),
         ("coverage", {"peaks": ((0.5, 0.5),)}, "behaviour.peaks[0]: got 2 numbers"),
-        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got a key that nothing reads"),
+        ("coverage", {"goals": ((0.5, 0.5),)}, "behaviour.goals: got an unknown key"),
     ],
 )
 def test_a_wrong_behaviour_is_refused_and_leaves_a_robot_standing_that_gets_it_all_the_same(
@@ -364,30 +371,29 @@ def users_own(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.delitem(sys.modules, "lab_of_ours", raising=False)
 
 
-def test_a_behaviour_that_crashes_takes_the_agent_down_and_the_robot_stops(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    users_own(
-        tmp_path,
-        monkeypatch,
-        "async def swim(robot):\n"
-        "    async for estimate in robot.estimates():\n"
-        "        robot.drive(0.1, 0.0)\n"
-        "        if estimate.seq > 40:\n"
-        "            raise RuntimeError('out of water')\n",
-    )
+def test_a_law_of_ours_that_crashes_takes_the_agent_down_and_the_robot_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a user's own code raises does not: see test_behaviour_runner.py."""
+    step = CircleFollowing.step
+
+    def crashing(self: CircleFollowing, seen: Seen) -> Intent:
+        if seen.now > 1.7e9 + 3.0 and next(once, False):
+            raise RuntimeError("out of water")
+        return step(self, seen)
+
+    once = iter([True])
+    monkeypatch.setattr(CircleFollowing, "step", crashing)
 
     async def main() -> None:
-        async with memory_fleet(scenario(2, "lab_of_ours:swim")) as fleet:
-            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle", names=("r2",)))
-            await fleet.until(lambda: len(fleet.driving) == 2, 3, "both drive")
-            await fleet.until(fleet.agents["r1"].done, 4, "the crash")
-            error: BaseException | None = fleet.agents["r1"].exception()
+        async with circling(2) as fleet:
+            crashed = lambda: [name for name, task in fleet.agents.items() if task.done()]  # noqa: E731
+            await fleet.until(lambda: len(crashed()) == 1, 4, "the crash")
+            (name,) = crashed()
+            error: BaseException | None = fleet.agents[name].exception()
             while isinstance(error, BaseExceptionGroup):
                 error = error.exceptions[0]
             assert repr(error) == "RuntimeError('out of water')"
-            await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.1, "its last command is zero")
-            assert fleet.commanded("r2") != (0.0, 0.0)
+            await fleet.until(lambda: fleet.commanded(name) == (0.0, 0.0), 0.1, "its last command is zero")
+            assert len(fleet.driving) == 1
 
     run_virtually(main())
 
@@ -407,7 +413,10 @@ def test_a_behaviour_that_says_nothing_more_is_not_driven_on(tmp_path: Path, mon
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
-            for behaviour, reason in (("sleepy", "the behaviour is silent"), ("brief", "lab_of_ours:brief has ended")):
+            for behaviour, reason in (
+                ("sleepy", "no command from the behaviour"),
+                ("brief", "lab_of_ours:brief has ended"),
+            ):
                 await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour=f"lab_of_ours:{behaviour}"))
                 await fleet.until(lambda r=reason: fleet.holds("r1", r), 1.5, reason)  # type: ignore[misc]
                 assert fleet.commanded("r1") == (0.0, 0.0)

@@ -78,11 +78,11 @@ async def _a_stop_needs_no_base_station(fleet: RealFleet) -> None:
     assert "r1: has stopped\nr2: has stopped" in stopped.stdout
     await fleet.until(fleet.standing, 3, "all stand")
     fleet.start("r3")  # who was not there when the stop was given
-    await fleet.until(lambda: fleet.says("r3", "no stop state heard yet"), 5, "r3 heard of nothing")
+    await fleet.until(lambda: fleet.says("r3", "no stop state received yet"), 5, "r3 heard of nothing")
 
     fleet.commands()
     fleet.start("basestation")
-    await fleet.until(lambda: fleet.says("r3", "stop order to everybody"), 10, "r3 hears of the stop")
+    await fleet.until(lambda: fleet.says("r3", "stopped by order (all robots)"), 10, "r3 hears of the stop")
     await fleet.until(lambda: fleet.number("basestation", "frames") > 20, 10, "robots are seen again")
     await fleet.throughout(fleet.standing, 1.0, "nobody drives")
     turned = {c.name for c in fleet.commands() if (c.message.v, c.message.omega) != (0.0, 0.0)}

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
 from contextlib import AsyncExitStack
-from typing import Any
 
 import pytest
 
@@ -35,17 +33,12 @@ LAB = parse_scenario(
 )
 
 
-async def at_once(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function on the loop: virtual time has no threads."""
-    return function(*arguments)
-
-
 def test_two_robots_go_to_the_circle_and_spread_by_what_the_camera_sees() -> None:
     async def main() -> None:
         network, clock = MemoryNetwork(), VirtualClock()
         async with AsyncExitStack() as stack:
             buses = [await stack.enter_async_context(make_bus(network.link(), clock=clock)) for _ in range(5)]
-            room = Room(buses[0], LAB, seed=3, off_loop=at_once)
+            room = Room(buses[0], LAB, seed=3, executor=InlineExecutor())
             station = Station(buses[1], LAB, None, cameras_on_bus(buses[1], LAB, InlineExecutor()))
             mains = [room.run(), station.run()]
             for bus, name in zip(buses[2:4], LAB.robots, strict=True):

@@ -1,4 +1,4 @@
-"""The table of channels against a fleet: who writes and reads what in it."""
+"""The table of channels against a fleet: who writes and reads what in it, and how often."""
 
 from __future__ import annotations
 
@@ -13,25 +13,30 @@ import pytest
 from agents.agent import Agent
 from agents.simulator import Room
 from basestation.station import Station
+from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
-from muro_zenoh.channels import CHANNELS, Party, Priority, Role
+from muro_zenoh.channels import CHANNELS, Channel, Party, Priority, Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.messages import Goal, SetBehaviour
 from muro_zenoh.orders.goal import send_goal
 from muro_zenoh.orders.stop import resume_robots, stop_robots
-from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from muro_zenoh.transport.link import Closable, FileSample, LinkPublisher
 from muro_zenoh.transport.memory_link import MemoryLink
-
-pytest.importorskip("shapely", reason="shapely is not installed: no behaviour coverage")
 
 LAB = parse_scenario(
     {"robots": 2, "camera": {"north": {"width": 640, "height": 480}}, "behaviour": {"name": "pursuit"}},
     "lab.toml",
     name="lab",
 )
+PERIODIC = [c for c in CHANNELS if c.rate is not None and c is not channels.CELL]
+"""What a fleet in pursuit writes all the time."""
+
+SETTLED, MEASURED = 3.0, 4.0
+"""Virtual time before, and of, the measurement of rates [s]."""
+
 PROCESSES = {
     "simulator": (Role.SIMULATOR, Role.BASE, Role.CAMERA),
     "basestation": (Role.BASESTATION,),
@@ -70,10 +75,11 @@ class _Recording:
 
 
 class Fleet:
-    """What was recorded of a fleet: in pursuit, then with a goal and in coverage, then stopped and resumed."""
+    """What was recorded of a fleet: in pursuit, on a circle, with a goal and in coverage, then stopped and resumed."""
 
     def __init__(self) -> None:
         self.links: dict[str, RecordingLink] = {}
+        self.rates: dict[str, float] = {}
 
     async def run(self) -> None:
         network, clock = MemoryNetwork(), VirtualClock()
@@ -83,20 +89,23 @@ class Fleet:
                 link = self.links[name] = RecordingLink(network)
                 buses[name] = await stack.enter_async_context(make_bus(link, roles=roles, clock=clock))
                 buses[name].announce(roles[0], name)
-            operator = buses["operator"]
+            operator, station = buses["operator"], buses["basestation"]
             mains = [
-                Room(buses["simulator"], LAB, seed=3).run(),
-                Station(buses["basestation"], LAB, None).run(),
+                Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor()).run(),
+                Station(station, LAB, None, cameras_on_bus(station, LAB, InlineExecutor())).run(),
                 *(Agent(buses[name], LAB, name).run() for name in LAB.robots),
                 Collector(operator, LAB).run(),
             ]
             tasks = [asyncio.create_task(main) for main in mains]
             try:
-                await asyncio.sleep(3.0)
-                for name, behaviour in (("r1", "dubins"), ("r2", "coverage")):
+                await asyncio.sleep(SETTLED)
+                before = self._written()
+                await asyncio.sleep(MEASURED)
+                self.rates = {key: (n - before[key]) / MEASURED for key, n in self._written().items()}
+                for name, behaviour in (("r1", "circle"), ("r1", "dubins"), ("r2", "coverage")):
                     order = SetBehaviour(behaviour=behaviour, names=(name,))
                     assert (await operator.ask(channels.SET_BEHAVIOUR, order)).accepted
-                await asyncio.sleep(1.0)
+                    await asyncio.sleep(1.0)
                 assert (await send_goal(operator, "r1", Goal(x=0.5, y=0.0))).accepted
                 await asyncio.sleep(1.0)
                 await stop_robots(operator, ())
@@ -106,6 +115,9 @@ class Fleet:
                 for task in tasks:
                     task.cancel()
                 await asyncio.wait(tasks)
+
+    def _written(self) -> Counter[str]:
+        return sum((link.written for link in self.links.values()), Counter[str]())
 
     def writing(self, role: Role) -> set[str]:
         """The channels that the processes with a role write."""
@@ -135,10 +147,18 @@ def table(end: str, *roles: Role) -> set[str]:
 @pytest.mark.parametrize("process", ["simulator", "basestation", "r1"])
 def test_a_process_writes_and_reads_what_the_table_says(fleet: Fleet, process: str) -> None:
     roles = PROCESSES[process]
-    assert fleet.writing(roles[0]) | {"goal"} == table("writers", *roles) | {"goal"}  # nobody deploys that far here
+    assert fleet.writing(roles[0]) == table("writers", *roles)
     assert fleet.reading(roles[0]) == table("readers", *roles)
 
 
 def test_peoples_tools_write_and_read_nothing_that_is_not_theirs(fleet: Fleet) -> None:
-    assert fleet.writing(Role.OPERATOR) == {"stop", "goal"}
+    assert fleet.writing(Role.OPERATOR) == {"stop"}
     assert {"health", "truth", "circle", "stop"} <= fleet.reading(Role.OPERATOR) <= table("readers", Role.OPERATOR)
+
+
+@pytest.mark.parametrize("channel", PERIODIC, ids=lambda c: c.word)
+def test_the_rate_is_the_tables(fleet: Fleet, channel: Channel[Any]) -> None:
+    rates = {key: rate for key, rate in fleet.rates.items() if key.split("/")[1] == channel.word}
+    assert rates
+    for key, rate in rates.items():
+        assert rate == pytest.approx(channel.rate, rel=0.1, abs=0.3), key

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import Callable
 
 from muro_zenoh import channels
 from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour
-from muro_zenoh.runtime.virtual_time import run_virtually
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Bus
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
-
-Test = Callable[[], Coroutine[Any, Any, None]]
-
-
-def virtual(test: Test) -> Callable[[], None]:
-    """A test that runs in virtual time."""
-
-    def run() -> None:
-        run_virtually(test())
-
-    run.__name__, run.__doc__ = test.__name__, test.__doc__
-    return run
+from tests.support.virtual import virtual
 
 
 def distance(fleet: MemoryFleet, x: float, y: float, robot: int = 0) -> float:
@@ -135,7 +122,7 @@ async def test_steer_goes_to_its_goals_one_after_the_other_and_waits() -> None:
     goals = ((0.9, 0.5), (-0.8, 0.2))
     async with memory_fleet(scenario(1, "steer", goals=goals, pause=1.0)) as fleet:
         await fleet.until(stands_at(fleet, 0.9, 0.5), 30, "the first")
-        await fleet.until(lambda: fleet.holds("r1", "at goal 1, waiting"), 2, "it waits")
+        await fleet.until(lambda: fleet.holds("r1", "at goal 1, pausing"), 2, "it waits")
         await fleet.until(stands_at(fleet, -0.8, 0.2), 30, "the second")
         await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "all")
 

@@ -22,7 +22,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(*arguments: str) -> Process:
-    command = ["-m", "muro_zenoh.cli.main", "run", "pursuit", "--robots", "3", "--headless", *arguments]
+    command = ["-m", "muro_zenoh", "run", "pursuit", "--robots", "3", "--headless", *arguments]
     return Process(command, name="muro run")
 
 

@@ -207,7 +207,7 @@ async def test_a_robot_that_two_processes_command_is_stationary(lab: Lab, caplog
             await lab.command(0.2, 0.0)
             assert set(lab.wheels.commanded[before:]) == {(0.0, 0.0)}
     assert [r.message for r in caplog.records if "two processes" in r.message] == [
-        "r1: two processes command these wheels, which are stopped: is an agent running twice?"
+        "r1: two processes command these wheels, so they are stopped: is an agent running twice?"
     ]
     for _ in range(3):  # one alone is obeyed again
         lab.clock.advance(0.1)

@@ -1,4 +1,4 @@
-"""The door through which behaviours come in."""
+"""The table of behaviours, and how settings and users' modules name them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ CIRCLE = Circle(0.0, 0.0, 0.8)
 
 
 def refuse(name: str, parameters: dict[str, object], circle: Circle = CIRCLE) -> None:
-    """Raise for what no robot could do, as a base station and a run do before anything starts."""
+    """Check a behaviour as a base station and a run do before anything starts."""
     check_settings(name, parameters, "lab.toml", FLEET, circle)
     check_behaviour(name, parameters, "lab.toml", FLEET)
 
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder on the path, for modules of the user's own."""
+    """A folder on Python's path, for a user's modules."""
     monkeypatch.syspath_prepend(str(tmp_path))
     before = set(sys.modules)
     yield tmp_path
@@ -44,7 +44,7 @@ def module(folder: Path, name: str, text: str) -> None:
 
 
 @pytest.mark.parametrize("name", table.names())
-def test_a_file_of_the_package_is_a_behaviour_and_its_name_is_the_files(name: str) -> None:
+def test_each_file_of_the_package_is_a_behaviour_of_that_name(name: str) -> None:
     kind = table.find(name)
     assert isinstance(kind, BehaviourKind)
     assert kind.summary
@@ -52,12 +52,12 @@ def test_a_file_of_the_package_is_a_behaviour_and_its_name_is_the_files(name: st
     assert (Path(table.__file__).parent / f"{name}.py").is_file()
 
 
-def test_the_package_holds_what_the_reports_have() -> None:
+def test_the_behaviours_of_the_reports_exist() -> None:
     assert set(table.names()) >= {"circle", "pursuit", "dubins", "coverage", "steer", "hold"}
     assert table.DEFAULT == "hold"
 
 
-def test_a_users_own_is_found(lab: Path) -> None:
+def test_a_users_function_is_found(lab: Path) -> None:
     module(lab, "swarm", "async def flock(robot):\n    robot.append('flocked')\ndef still(robot):\n    return 0, 0\n")
     found: list[str] = []
     flock, still = table.find("swarm:flock"), table.find("swarm:still")
@@ -69,18 +69,18 @@ def test_a_users_own_is_found(lab: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "fly", "Circle", "circle ", "muro_zenoh.behaviours.hold", "table"])
-def test_a_name_that_is_none_lists_those_that_are(name: str) -> None:
+def test_an_unknown_name_lists_the_known_ones(name: str) -> None:
     with pytest.raises(BehaviourError, match=r"expected one of circle, coverage, .* or your own as module:function"):
         table.find(name)
 
 
-def test_a_module_that_is_not_there_says_where_it_was_looked_for() -> None:
+def test_a_missing_module_is_reported_with_the_search_path() -> None:
     with pytest.raises(BehaviourError, match=r"'nolab.swarm:flock': No module named 'nolab'; .*PYTHONPATH"):
         table.find("nolab.swarm:flock")
 
 
 @pytest.mark.parametrize("name", [":flock", "swarm:", "..swarm:flock", "sw arm:flock", ":", "swarm:flock:more"])
-def test_half_a_name_is_an_error_that_names_it(name: str, lab: Path) -> None:
+def test_a_malformed_name_is_reported(name: str, lab: Path) -> None:
     module(lab, "swarm", "async def flock(robot): ...\n")
     with pytest.raises(BehaviourError, match=name):
         table.find(name)
@@ -103,13 +103,13 @@ def test_half_a_name_is_an_error_that_names_it(name: str, lab: Path) -> None:
         ("flock = print\n", r"expected `def f\(robot\)` or `async def f\(robot\)`"),
     ],
 )
-def test_what_is_no_behaviour_says_why(lab: Path, text: str, reason: str) -> None:
+def test_an_invalid_behaviour_is_reported_with_the_reason(lab: Path, text: str, reason: str) -> None:
     module(lab, "swarm", text)
     with pytest.raises(BehaviourError, match=reason):
         table.find("swarm:flock")
 
 
-def test_functions_that_settings_name_come_through_a_door_too() -> None:
+def test_a_function_named_in_settings_is_loaded() -> None:
     assert load_function("math:sqrt")(4.0) == 2.0
     with pytest.raises(BehaviourError, match="got 'sqrt', expected module:function"):
         load_function("sqrt")
@@ -134,7 +134,7 @@ def test_functions_that_settings_name_come_through_a_door_too() -> None:
         ("dubins", {"v_min": -1.0}, ["lab.toml: behaviour.v_min", "-1", "above 0"]),
     ],
 )
-def test_what_no_robot_could_run_is_refused_before_anything_starts(
+def test_invalid_parameters_are_refused_before_anything_starts(
     name: str, parameters: dict[str, object], words: list[str]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -151,16 +151,16 @@ def test_each_circle_law_takes_its_own_gains_from_the_settings() -> None:
         refuse("circle", {"law": "lqr", "psi": 0.6})
 
 
-def test_every_built_in_behaviour_can_run_as_it_is() -> None:
+def test_every_built_in_behaviour_runs_with_its_defaults() -> None:
     for name in table.names():
         refuse(name, {})
 
 
-def test_a_circle_that_a_ring_does_not_fit_on_is_refused() -> None:
+def test_a_circle_too_small_for_the_robots_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"lab.toml: circle.radius: got 5 robots on a circle of 0.2 m, .* 0.30 m"):
         refuse("pursuit", {}, Circle(0.0, 0.0, 0.2))
     refuse("circle", {}, Circle(0.0, 0.0, 0.2))  # each may be anywhere on it
-    with pytest.raises(ConfigError, match=r"lab.toml: circle.radius: got 1.4 m round \(0, 0\)"):
+    with pytest.raises(ConfigError, match=r"lab.toml: circle.radius: got 1.4 m around \(0, 0\)"):
         refuse("circle", {}, Circle(0.0, 0.0, 1.4))
 
 

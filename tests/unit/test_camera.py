@@ -173,7 +173,7 @@ class TestSettings:
         views = straight_down_view(ROOM, WIDTH, HEIGHT)
         with pytest.raises(ValueError, match="3 views"):
             OverheadCamera.from_views(WIDTH, HEIGHT, views[:3])
-        with pytest.raises(ValueError, match="no homography"):
+        with pytest.raises(ValueError, match="not determine a homography"):
             OverheadCamera.from_views(WIDTH, HEIGHT, [views[0]] * 4)
 
     def test_a_tag_has_a_size(self) -> None:

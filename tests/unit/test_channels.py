@@ -25,6 +25,14 @@ def test_every_channel_has_a_word_of_its_own() -> None:
     assert not {"alive", "basestation"} & set(words), "these words are taken by presence and orders"
 
 
+def test_the_package_has_every_row_of_the_table_and_nothing_that_the_table_only_uses() -> None:
+    rows = [row for row in vars(channels).values() if isinstance(row, channels.Channel | channels.Verb)]
+    assert rows == [*CHANNELS, *VERBS]
+    assert [c.word for c in (channels.CAMERA, channels.TRUTH)] == [CHANNELS[0].word, CHANNELS[-1].word]
+    assert [v.word for v in (channels.SET_CIRCLE, channels.GOAL_ORDER)] == [VERBS[0].word, VERBS[-1].word]
+    assert not {"Any", "Final", "m", "CONTROL"} & set(vars(channels))
+
+
 def test_every_verb_has_a_word_of_its_own() -> None:
     words = [v.word for v in VERBS]
     assert len(set(words)) == len(words)
@@ -51,7 +59,7 @@ def test_a_name_comes_out_of_the_key_that_it_went_into(realm: str, name: str) ->
 
 
 @given(realm=realms, role=names, name=names)
-def test_a_token_says_who(realm: str, role: str, name: str) -> None:
+def test_role_and_name_come_out_of_a_tokens_key(realm: str, role: str, name: str) -> None:
     assert alive_in(realm, alive_key(realm, role, name)) == (role, name)
 
 
@@ -63,7 +71,7 @@ def test_no_two_keys_are_the_same(realm: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "R1", "1r", "a b", "a/b", "*", "**", "a$*", "ä", "a" * 33, "r1\n", "-"])
-def test_what_is_no_name_is_refused(name: str) -> None:
+def test_an_invalid_name_is_refused(name: str) -> None:
     with pytest.raises(ConfigError, match="expected lower-case letters"):
         check_name(name)
     if name not in ("", "*"):
@@ -72,7 +80,7 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize("realm", ["", "/", "muro/", "/muro", "Muro", "a//b", "muro/*", "a b"])
-def test_what_is_no_realm_is_refused(realm: str) -> None:
+def test_an_invalid_realm_is_refused(realm: str) -> None:
     with pytest.raises(ConfigError, match=r"bus\.realm"):
         check_realm(realm)
 
@@ -87,7 +95,7 @@ def test_the_page_is_what_the_table_says() -> None:
     assert page(text) == text, "docs/channels.md is out of date: run `python -m muro_zenoh.channels docs/channels.md`"
 
 
-def test_the_page_is_made_anew_between_its_marks() -> None:
+def test_the_page_is_generated_between_its_marks() -> None:
     text = PAGE.read_text(encoding="utf-8")
     stale = text.replace("`muro/circle`", "`muro/ring`")
     assert stale != text

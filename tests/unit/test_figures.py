@@ -6,10 +6,12 @@ import re
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from muro_zenoh.channels import CHANNELS
+from muro_zenoh.channels import CHANNELS, VERBS
 from muro_zenoh.cli.main import main
 from muro_zenoh.control.circle import CIRCLE_LAWS
 from muro_zenoh.control.pursuit import PURSUIT_LAWS
@@ -33,9 +35,16 @@ def one(out: Path, name: str, file_format: str = "png") -> bytes:
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_is_drawn(name: str, tmp_path: Path) -> None:
-    picture = one(tmp_path, name)
-    assert picture.startswith(b"\x89PNG")
-    assert len(picture) > 10_000, "nothing but white"
+    picture = cv2.imdecode(np.frombuffer(one(tmp_path, name), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    height, width = picture.shape
+    assert 550 < width < 1500  # 200 dots an inch; a journal's column to its page
+    assert 0.25 * width < height < 1.5 * width
+    assert 0.01 < (picture < 200).mean() < 0.5, "nothing but white, or hardly any"
+    # from edge to edge, not in a corner
+    rows, columns = np.nonzero(picture < 200)
+    assert rows.max() - rows.min() > 0.8 * height
+    assert columns.max() - columns.min() > 0.8 * width
 
 
 @pytest.mark.parametrize("name", ["seed000_fig4", "seed000_fig8"])
@@ -93,7 +102,8 @@ def test_the_command_reports_a_wrong_name_in_one_line(tmp_path: Path) -> None:
 
 def test_the_flow_shows_every_channel() -> None:
     keys = {row.key.partition("/")[0] for row in flows()}
-    assert keys == {channel.word for channel in CHANNELS} | {"basestation", "goal"}
+    orders = {verb.word if verb.named else "basestation" for verb in VERBS}
+    assert keys == {channel.word for channel in CHANNELS} | orders
 
 
 @pytest.mark.parametrize("law", [*CIRCLE_LAWS, *PURSUIT_LAWS])

@@ -14,7 +14,7 @@ def test_the_list_is_gone_to_one_after_the_other() -> None:
     assert goals.current == A
     assert not goals.begin_next(10.0)  # the same one
     goals.arrive(20.0)
-    assert goals.waiting == "at goal 1, waiting before the next"
+    assert goals.waiting == "at goal 1, pausing before the next"
     assert not goals.begin_next(21.9)
     assert goals.begin_next(22.0)
     assert goals.current == B

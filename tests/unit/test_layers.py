@@ -25,6 +25,7 @@ def test_the_layers_hold(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
         ("muro_zenoh.transport", "zenoh"),
         ("muro_zenoh.messages", "numpy"),
         ("muro_zenoh.config", "numpy"),
+        ("agents.base.run", "numpy"),
         ("agents.agent", "cv2"),
         ("agents.agent", "scipy"),
         ("agents.agent", "shapely"),

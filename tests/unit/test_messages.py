@@ -127,7 +127,7 @@ def test_any_messagepack_library_can_join_in(kind: type[Message], data: st.DataO
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 @settings(max_examples=20)
 @given(data=st.data())
-def test_a_number_that_is_not_finite_is_refused_wherever_it_stands(kind: type[Message], data: st.DataObject) -> None:
+def test_a_number_that_is_not_finite_is_refused_wherever_it_is(kind: type[Message], data: st.DataObject) -> None:
     plain = msgpack.unpackb(encode(data.draw(messages_of(kind))))
     places = list(_floats(plain))
     path = data.draw(st.sampled_from(places))
@@ -244,7 +244,7 @@ def test_a_snapshot_names_the_state_that_it_does_not_know() -> None:
 
 
 @pytest.mark.parametrize("said", [None, "", "zenoh/bytes", "application/octet-stream", "application/msgpack"])
-def test_who_says_nothing_of_a_version_is_taken_at_the_first(said: str | None) -> None:
+def test_without_an_encoding_the_first_version_is_assumed(said: str | None) -> None:
     check_encoding(said, SpeedReference)
 
 

@@ -108,24 +108,24 @@ WRONG: list[tuple[type, dict[str, object], str]] = [
     (
         Parameters,
         {"v_mim": 0.1},
-        "lab.toml: behaviour.v_mim: got a key that nothing reads, expected one of v_min, v_max, law, ",
+        "lab.toml: behaviour.v_mim: got an unknown key, expected one of v_min, v_max, law, ",
     ),
     (Parameters, {"v_mim": 0.1}, "Did you mean v_min?"),
-    (Parameters, {"profile": {}}, "lab.toml: behaviour.profile: got a key that nothing reads"),
+    (Parameters, {"profile": {}}, "lab.toml: behaviour.profile: got an unknown key"),
     (Parameters, {"law": "lqg"}, "lab.toml: behaviour.law: got 'lqg' (text), expected one of 'vector_field', 'lqr'"),
     (Parameters, {"law": "lqg"}, "Did you mean 'lqr'?"),
     (Parameters, {"law": 3}, "lab.toml: behaviour.law: got 3 (integer), expected one of 'vector_field', 'lqr'"),
     (
         Parameters,
         {"k_o": 3.0},
-        'lab.toml: behaviour.k_o: got a key of law = "vector_field", which is not chosen, expected one of v_min, '
+        'lab.toml: behaviour.k_o: got a key of law = "vector_field", which is not selected, expected one of v_min, '
         "v_max, law, radial_size, gain, peaks, floor, turning_radius, fixes. "
         'Set law = "vector_field", or remove k_o.',
     ),
     (
         Outer,
         {"law": "vector_field", "radial_size": 0.1},
-        'lab.toml: behaviour.radial_size: got a key of law = "lqr", which is not chosen',
+        'lab.toml: behaviour.radial_size: got a key of law = "lqr", which is not selected',
     ),
     (Parameters, {"floor": 0.1}, "lab.toml: behaviour.peaks: got nothing, expected an array of an array of a number"),
     (Parameters, {"peaks": [[float("inf")]]}, "lab.toml: behaviour.peaks: got [[inf]] (array), expected an array of"),
@@ -153,7 +153,7 @@ def test_the_element_of_an_array_is_where_the_array_is() -> None:
 def test_an_error_keeps_its_parts() -> None:
     with pytest.raises(ConfigError) as caught:
         read(Parameters, v_min=0.5)
-    assert caught.value.where == "lab.toml: behaviour.v_min"
+    assert caught.value.what == "lab.toml: behaviour.v_min"
     assert (caught.value.got, caught.value.expected) == ("0.5", "at most v_max, 0.4")
 
 

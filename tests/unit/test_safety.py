@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from muro_zenoh.geometry import STILL, Twist2
-from muro_zenoh.safety.gate import reasons_to_stand
+from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
 from muro_zenoh.safety.stop import StopLatch
 
@@ -33,7 +33,7 @@ orders = st.lists(
 def test_who_heard_nothing_stands() -> None:
     latch = StopLatch()
     assert not latch.may_drive
-    assert latch.reason == "no stop state heard yet"
+    assert latch.reason == "no stop state received yet: waiting for the base station"
 
 
 @pytest.mark.parametrize("revision", [1, 5])
@@ -55,7 +55,7 @@ def test_an_order_that_stops_others_and_knows_no_state_frees_nobody() -> None:
 def test_a_first_state_that_stops_is_latched() -> None:
     latch = hear(StopLatch(), 0, everybody=True)
     assert not latch.may_drive
-    assert latch.reason == "stop order to everybody"
+    assert latch.reason == "stopped by order (all robots)"
 
 
 @pytest.mark.parametrize("revision", [0, 4, 5, 6])
@@ -79,7 +79,7 @@ def test_a_newer_state_lifts_a_stop() -> None:
 
 
 def test_one_is_stopped_by_name_and_others_are_not() -> None:
-    assert hear(FREE, 6, "r1").reason == "stop order"
+    assert hear(FREE, 6, "r1").reason == "stopped by order"
     assert hear(FREE, 6, "r2", "ghost").may_drive
 
 
@@ -103,10 +103,15 @@ def test_a_revision_that_no_count_can_reach_stops_but_lifts_nothing_and_is_not_r
     assert hear(stopped, 6).may_drive  # the base station can lift it
 
 
+def test_a_revision_that_no_count_can_reach_is_no_state_of_the_lab_either() -> None:
+    assert not hear(StopLatch(), 2**53 + 1).heard
+    assert hear(StopLatch(), 2**53).revision == 2**53
+
+
 def test_a_newer_order_that_names_some_is_no_order_to_everybody_any_more() -> None:
     # `muro stop`, then `muro resume r2`: said to be one to everybody, the base station would take it over as that.
     latch = hear(hear(FREE, 6, everybody=True), 7, "r1", "r3")
-    assert latch.reason == "stop order"
+    assert latch.reason == "stopped by order"
     assert not latch.everybody
 
 
@@ -136,7 +141,7 @@ def test_repetition_changes_nothing(said: list[tuple[int, bool, list[str]]]) -> 
 
 
 def stand(latch: StopLatch = FREE, fix_age: float = 0.1, twist_age: float = 0.1, hold: str = "") -> tuple[str, ...]:
-    return reasons_to_stand(
+    return reasons_to_hold(
         latch=latch, fix_age=fix_age, fix_limit=0.4, twist_age=twist_age, twist_limit=0.25, hold=hold
     )
 
@@ -147,7 +152,12 @@ def test_a_fresh_robot_may_drive() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fix_age", "reason"), [(math.inf, "no pose yet"), (0.5, "no pose for 0.5 s"), (math.nan, "no pose for nan s")]
+    ("fix_age", "reason"),
+    [
+        (math.inf, "no pose yet: waiting for a camera to see this robot"),
+        (0.5, "no pose for 0.5 s"),
+        (math.nan, "no pose for nan s"),
+    ],
 )
 def test_a_stale_pose_stands(fix_age: float, reason: str) -> None:
     assert stand(fix_age=fix_age) == (reason,)
@@ -155,16 +165,20 @@ def test_a_stale_pose_stands(fix_age: float, reason: str) -> None:
 
 @pytest.mark.parametrize("twist_age", [0.26, math.inf, math.nan])
 def test_a_silent_behaviour_stands(twist_age: float) -> None:
-    assert stand(twist_age=twist_age) == ("the behaviour is silent",)
+    assert stand(twist_age=twist_age) == ("no command from the behaviour",)
 
 
 def test_a_behaviour_that_holds_is_not_called_silent() -> None:
-    assert stand(twist_age=9.0, hold="no circle heard yet") == ("no circle heard yet",)
+    assert stand(twist_age=9.0, hold="no circle received yet") == ("no circle received yet",)
 
 
 def test_all_reasons_come_the_most_important_first() -> None:
     stopped = hear(FREE, 6, everybody=True)
-    assert stand(stopped, 2.0, 9.0) == ("stop order to everybody", "no pose for 2.0 s", "the behaviour is silent")
+    assert stand(stopped, 2.0, 9.0) == (
+        "stopped by order (all robots)",
+        "no pose for 2.0 s",
+        "no command from the behaviour",
+    )
 
 
 @given(

@@ -11,9 +11,9 @@ from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path, Segment
-from muro_zenoh.scoring.density import BINS, density_error
+from muro_zenoh.scoring.density import density_error
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
-from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.expectations import expectations_of
 from muro_zenoh.scoring.goals import rests, score_goals, score_tracking
 from muro_zenoh.scoring.observed import Body, Moment, Planned
 
@@ -135,25 +135,25 @@ def test_a_density_that_is_kept_and_one_that_is_not() -> None:
     assert density_error(spread(7200, 0.75), CIRCLE, HALF) == pytest.approx(0.0, abs=2e-3)
     assert density_error(spread(7200, 0.5), CIRCLE, HALF) == pytest.approx(0.25, abs=2e-3)
     even = Importance.from_function(lambda angle: 1.0)
-    assert density_error([(2.0, -0.4)], CIRCLE, even) == pytest.approx(1 - 1 / BINS)
+    assert density_error([(2.0, -0.4)], CIRCLE, even) == pytest.approx(1 - 1 / 36)
     assert density_error([], CIRCLE, HALF) is None
 
 
 def test_what_the_built_in_scenarios_ask_for() -> None:
-    dubins = asked_of(find_scenario("dubins", 3))
+    dubins = expectations_of(find_scenario("dubins", 3))
     assert set(dubins.goals) == {"r1", "r2", "r3"}
     assert dubins.v_min == 0.1
     assert not dubins.follows_circle
-    coverage = asked_of(find_scenario("coverage"))
+    coverage = expectations_of(find_scenario("coverage"))
     assert coverage.deployment is not None
     assert coverage.deployment.floor == Bounds(-2.1, 2.1, -1.5, 1.5)
-    importance = asked_of(find_scenario("importance"))
+    importance = expectations_of(find_scenario("importance"))
     assert (importance.follows_circle, importance.spreads) == (True, False)
     assert importance.importance is not None
     assert importance.importance.contrast == pytest.approx(3.0, abs=1e-3)
-    assert asked_of(find_scenario("pursuit")).spreads
+    assert expectations_of(find_scenario("pursuit")).spreads
 
 
 def test_parameters_that_do_not_fit_are_refused_before_anything_is_scored() -> None:
     with pytest.raises(ConfigError, match="cruise"):
-        asked_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))
+        expectations_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))

@@ -5,26 +5,29 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import pytest
 
 from agents.base.simulated import STEP, Floor
-from agents.simulated_camera import OffLoop, SimulatedCamera
+from agents.simulated_camera import SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.messages import Frame
 from muro_zenoh.runtime.clock import Clock, SystemClock
-from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.transport import MemoryNetwork, Received, make_bus
-from muro_zenoh.transport.mailboxes import Every
+from muro_zenoh.transport import Every, MemoryNetwork, Received, make_bus
 from tests.support.waiting import within
+
+T = TypeVar("T")
+P = ParamSpec("P")
 
 PERIOD, LATENCY = 0.05, 0.05
 LAB = parse_scenario(
@@ -51,13 +54,13 @@ class Filming:
 
 
 @asynccontextmanager
-async def filming(off_loop: OffLoop, clock: Clock) -> AsyncIterator[Filming]:
+async def filming(executor: Executor, clock: Clock) -> AsyncIterator[Filming]:
     network = MemoryNetwork()
     plant = Plant(np.zeros((2, 3)), np.random.default_rng(0))
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as station:
         frames = station.every(channels.CAMERA, "north", depth=1024)
         camera = SimulatedCamera(
-            bus.publisher(channels.CAMERA, "north"), LAB.camera["north"], LAB, Floor(plant, clock), 1, off_loop
+            bus.publisher(channels.CAMERA, "north"), LAB.camera["north"], LAB, Floor(plant, clock), 1, executor
         )
         task = asyncio.create_task(camera.run())
         yield Filming(camera, frames, task)
@@ -65,21 +68,22 @@ async def filming(off_loop: OffLoop, clock: Clock) -> AsyncIterator[Filming]:
         await asyncio.wait({task})
 
 
-def rendering_takes(seconds: float) -> OffLoop:
-    """A place to render at that needs so much virtual time."""
+class SlowExecutor(Executor):
+    """Renders at once, and hands each frame over after some virtual time."""
 
-    async def render(function: Callable[..., Any], *arguments: Any) -> Any:
-        result = function(*arguments)
-        if isinstance(result, Frame):
-            await asyncio.sleep(seconds)
-        return result
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
 
-    return render
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        result, done = fn(*args, **kwargs), Future[T]()
+        delay = self._seconds if isinstance(result, Frame) else 0.0
+        asyncio.get_running_loop().call_later(delay, done.set_result, result)
+        return done
 
 
 def test_frames_are_stamped_at_capture_and_sent_a_latency_later() -> None:
     async def main() -> None:
-        async with filming(rendering_takes(0.02), VirtualClock()) as north:
+        async with filming(SlowExecutor(0.02), VirtualClock()) as north:
             await asyncio.sleep(2.0)
             got = north.received()
             assert len(got) == pytest.approx(2.0 / PERIOD, abs=2)
@@ -95,7 +99,7 @@ def test_frames_are_stamped_at_capture_and_sent_a_latency_later() -> None:
 
 def test_a_frame_that_renders_longer_than_the_latency_is_sent_when_it_is_ready() -> None:
     async def main() -> None:
-        async with filming(rendering_takes(0.08), VirtualClock()) as north:
+        async with filming(SlowExecutor(0.08), VirtualClock()) as north:
             await asyncio.sleep(1.0)
             for frame in north.received():
                 assert 0.08 - 1e-6 <= frame.arrival - frame.message.stamp <= 0.08 + STEP + 1e-6
@@ -105,7 +109,7 @@ def test_a_frame_that_renders_longer_than_the_latency_is_sent_when_it_is_ready()
 
 def test_frames_that_are_due_while_one_is_rendered_are_skipped_and_the_schedule_is_kept() -> None:
     async def main() -> None:
-        async with filming(rendering_takes(2.2 * PERIOD), VirtualClock()) as north:
+        async with filming(SlowExecutor(2.2 * PERIOD), VirtualClock()) as north:
             await asyncio.sleep(3.0)
             stamps = np.array([frame.message.stamp for frame in north.received()])
             # Each third frame is taken, at a multiple of the period: it is not the rendering that sets the pace.
@@ -119,7 +123,7 @@ def test_frames_that_are_due_while_one_is_rendered_are_skipped_and_the_schedule_
 
 def test_no_two_pictures_are_alike_even_when_nothing_moves() -> None:
     async def main() -> None:
-        async with filming(rendering_takes(0.0), VirtualClock()) as north:
+        async with filming(InlineExecutor(), VirtualClock()) as north:
             await asyncio.sleep(2.0)
             pictures = [frame.message.data for frame in north.received()]
             assert len(pictures) > 30
@@ -135,7 +139,7 @@ def test_an_error_in_rendering_ends_the_camera(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(OverheadCamera, "render", broken)
 
     async def main() -> None:
-        async with filming(rendering_takes(0.0), VirtualClock()) as north:
+        async with filming(InlineExecutor(), VirtualClock()) as north:
             with pytest.raises(ExceptionGroup) as caught:
                 await north.task
             assert caught.group_contains(RuntimeError, match="no film left")
@@ -145,24 +149,25 @@ def test_an_error_in_rendering_ends_the_camera(monkeypatch: pytest.MonkeyPatch) 
 
 async def test_the_loop_goes_on_while_a_thread_renders(monkeypatch: pytest.MonkeyPatch) -> None:
     begun, go_on = threading.Event(), threading.Event()
-    threads: set[int] = set()
+    rendered_in: set[int] = set()
     render = OverheadCamera.render
 
     def slow(*arguments: Any) -> Any:
-        threads.add(threading.get_ident())
+        rendered_in.add(threading.get_ident())
         begun.set()
         assert go_on.wait(30.0)
         return render(*arguments)
 
     monkeypatch.setattr(OverheadCamera, "render", slow)
-
-    async with filming(asyncio.to_thread, SystemClock()) as north:
-        try:
-            assert await within(10, asyncio.to_thread(begun.wait, 30.0), "a rendering")
-            await asyncio.sleep(5 * PERIOD)  # a loop that is held up does not come back from this
-            assert north.camera.skipped >= 3
-            assert north.received() == []
-        finally:
-            go_on.set()
-        await within(10, north.frames.next(), "the frame that was held up")
-    assert threading.get_ident() not in threads
+    with ThreadPoolExecutor(1) as pool:
+        async with filming(pool, SystemClock()) as north:
+            try:
+                assert await within(10, asyncio.to_thread(begun.wait, 30.0), "a rendering")
+                await asyncio.sleep(5 * PERIOD)  # a loop that is held up does not come back from this
+                assert north.camera.skipped >= 3
+                assert north.received() == []
+            finally:
+                go_on.set()
+            await within(10, north.frames.next(), "the frame that was held up")
+    assert rendered_in
+    assert threading.get_ident() not in rendered_in

@@ -31,6 +31,7 @@ T = TypeVar("T", bound=Message)
 
 LAB = parse_scenario({"robots": 2, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
 SEEN = parse_scenario({"robots": 2, "camera": {"north": {}}}, "lab.toml", name="lab")
+NO_CAMERA = "no camera in the settings: without poses every robot stands still"
 BLANK = bytes(1280 * 720)
 
 
@@ -153,7 +154,7 @@ def test_of_two_base_stations_the_second_leaves() -> None:
             assert len({received.message.epoch for received in stops.drain()}) == 1
             newest = health.get()
             assert newest is not None
-            assert "another base station is running: end one of them" in newest.message.reasons
+            assert "another base station is running: stop one of them" in newest.message.reasons
 
     run_virtually(main())
 
@@ -266,12 +267,12 @@ def test_health_names_the_missing_agents() -> None:
             await asyncio.sleep(1.5)
             newest = health.get()
             assert newest is not None
-            assert newest.message.reasons == ("no agent of r2",)
+            assert newest.message.reasons == ("no agent of r2", NO_CAMERA)
             await agent.close()
             await asyncio.sleep(1.5)
             newest = health.get()
             assert newest is not None
-            assert newest.message.reasons == ("no agent of r1", "no agent of r2")
+            assert newest.message.reasons == ("no agent of r1", "no agent of r2", NO_CAMERA)
 
     run_virtually(main())
 

@@ -1,4 +1,4 @@
-"""How fast it could be done: the references that the laws are measured against."""
+"""Lower bounds on the settling times: the references for the laws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TangentPath(NamedTuple):
     """The shortest Dubins path from each start to any tangent of a circle, driven at nominal speed.
 
     ``full``: time to the end of the path, where it touches the circle (N,) [s]. ``enters``: time from which it stays
-    within the band (N,) [s]; less than ``full``, for a path comes into the band before it ends.
+    within the band (N,) [s]; less than ``full``, because a path enters the band before it ends.
     """
 
     full: Array
@@ -35,12 +35,12 @@ def shortest_tangent_path(
         starts: poses (N, 3): x, y [m, world], theta [rad].
         circle: the circle and the direction of travel.
         v: speed [m/s].
-        omega_max: largest turning speed [rad/s]; the turning radius is ``v / omega_max``.
-        band: on the circle means within this distance [m].
-        tangents: how many points of the circle are tried.
+        omega_max: maximum turning rate [rad/s]; the turning radius is ``v / omega_max``.
+        band: a robot within this distance counts as on the circle [m].
+        tangents: number of points of the circle to try.
 
     Returns:
-        Times at speed ``v``, exact but for the points tried: with the default they are at most 0.2 % too long.
+        Times at speed ``v``, exact except for the discrete tangent points: with the default at most 0.2 % too long.
 
     Source: Dubins, On curves of minimal length, Amer. J. Math. 79, 1957; the words as in seed 004.
     """
@@ -70,24 +70,33 @@ def _enters(path: Path, circle: Circle, band: float) -> float:
     return path.length * float(outside[-1]) / (len(poses) - 1) if len(outside) else 0.0
 
 
-def equal_spacing_bound(angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float) -> Array:
-    """The least time in which robots on a circle can space themselves evenly.
+def equal_spacing_bound(
+    angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float, tolerance: float = 0.0
+) -> Array:
+    """The minimum time in which robots on a circle can space themselves evenly, in their present order.
 
-    Every robot has an angle to travel to its place in an evenly spaced ring that may begin anywhere. The bound is the
-    least T for which all of them lie in [v_min T / r, v_max T / r]: the spread of the angles over (v_max - v_min) / r.
+    With ``o_k`` the angle of robot k minus its angle in an even ring, robot k ends at an offset from
+    ``o_k + v_min T/r`` to ``o_k + v_max T/r``. The offsets of neighbours on the ring may differ by the tolerance, and
+    so those of any two robots by the tolerance times the steps between them. This must be possible for each pair::
+
+        T = r / (v_max - v_min) * max over i, k of (o_i - o_k - tolerance * steps from i to k)
 
     Args:
-        angles: where the robots are (..., N) [rad].
+        angles: the robots' angles (..., N) [rad].
         clockwise: the direction of travel.
         radius: of the circle [m].
-        v_min: least speed on the circle [m/s].
-        v_max: greatest speed [m/s].
+        v_min: minimum speed on the circle [m/s].
+        v_max: maximum speed [m/s].
+        tolerance: maximum difference of each gap from 2 pi / N [rad].
 
     Returns:
         T (...) [s].
     """
     n = angles.shape[-1]
     way = np.sort(np.mod(-angles if clockwise else angles, TWO_PI), axis=-1)
-    lead = np.arange(n) * (TWO_PI / n) - way
-    spread: Array = lead.max(axis=-1) - lead.min(axis=-1)
+    offset = way - np.arange(n) * (TWO_PI / n)
+    steps = abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    allowed = tolerance * np.minimum(steps, n - steps)
+    apart = offset[..., :, None] - offset[..., None, :] - allowed
+    spread: Array = apart.max(axis=(-2, -1))
     return spread * radius / (v_max - v_min)
