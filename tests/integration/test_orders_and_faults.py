@@ -63,9 +63,11 @@ async def _an_unknown_behaviour_stops_the_robot(fleet: RealFleet) -> None:
     reply = fleet.muro("set", "behaviour", "fly", "--robot", "r2")
     assert reply.returncode == 1
     assert "got 'fly', expected one of circle, coverage" in reply.stdout
+    assert fleet.driving("r2")
     # Only the robots load a user's behaviour, so the base station accepts it.
     reply = fleet.muro("set", "behaviour", "nolab:fly", "--robot", "r2")
     assert reply.returncode == 1
+    assert "r2: cannot run it: " in reply.stdout
     await fleet.until(lambda: fleet.holds("r2", "No module named 'nolab'"), 5, "r2 reports the reason")
     await fleet.until(lambda: fleet.stationary("r2"), 3, "r2 is stationary")
     assert fleet.process["r2"].running
@@ -87,7 +89,10 @@ async def test_garbage_on_every_key_is_counted_and_stops_no_robot(fleet: RealFle
     # Except the truth, which only the observer reads.
     keys = [key for key in keys if not key.startswith("muro/truth/")]
     kinds = {f"muro/{c.word}": encoding_of(c.kind) for c in channels.CHANNELS}
-    restarts = {name: fleet.process[name].pid for name in fleet.process}
+
+    def all_run() -> None:
+        ended = [name for name, process in fleet.process.items() if not process.running]
+        assert not ended, "\n".join(fleet.process[name].last_lines() for name in ended)
 
     def payload() -> bytes:
         return noise.choice(
@@ -118,8 +123,8 @@ async def test_garbage_on_every_key_is_counted_and_stops_no_robot(fleet: RealFle
             for verb in channels.VERBS:
                 key = channels.verb_key("muro", verb, "r1" if verb.named else "")
                 session.get(key, lambda _: None, payload=payload(), timeout=0.5)
-            await fleet.until(lambda: True, 1, "the processes live")
             await asyncio.sleep(0.05)
+            all_run()
     finally:
         session.close()
 
@@ -135,7 +140,24 @@ async def test_garbage_on_every_key_is_counted_and_stops_no_robot(fleet: RealFle
     assert fleet.number("basestation", "bad_frames") > 10
     await fleet.ask(channels.SET_CIRCLE, SetCircle(radius=0.7))
     await fleet.until(lambda: fleet.radius_error() < 0.03, 20, "the fleet obeys")
-    assert {name: process.pid for name, process in fleet.process.items()} == restarts
+    all_run()  # nobody would have started them again
+
+
+async def test_a_robot_that_does_not_confirm_a_stop_is_named(fleet: RealFleet) -> None:
+    fleet.process["r2"].send(signal.SIGSTOP)
+    order = fleet.muro("stop")
+    assert order.returncode == 1, order.stdout + order.stderr
+    assert "r1: has stopped\n" in order.stdout
+    assert "r3: has stopped\n" in order.stdout
+    # Its lease may be over by the time that it was waited for.
+    assert "r2: DOES NOT CONFIRM\n" in order.stdout or "r2: is not alive\n" in order.stdout
+    await fleet.until(fleet.standing, 5, "all stand, r2 by its dead-man")
+    fleet.process["r2"].send(signal.SIGCONT)
+    await fleet.until(lambda: fleet.health["r2"].stop_latched, 5, "r2 hears of it")
+    await fleet.throughout(lambda: fleet.standing("r2"), 1.0, "r2 stands on")
+    order = fleet.muro("stop")
+    assert order.returncode == 0, order.stdout + order.stderr
+    assert "r2: has stopped\n" in order.stdout
 
 
 async def test_the_router_and_then_the_simulator_die(fleet: RealFleet) -> None:

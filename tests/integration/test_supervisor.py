@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
@@ -194,8 +194,16 @@ async def test_cancelling_the_block_ends_the_children(tmp_path: Path) -> None:
     assert gone(pids[0])
 
 
+@pytest.fixture
+def under_nohup() -> Iterator[None]:
+    """SIGHUP is ignored here, and in every child that does not ask for it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL, signal.SIGHUP])
-def test_a_parent_that_ends_leaves_nothing_behind(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_parent_that_ends_leaves_nothing_behind(tmp_path: Path, number: signal.Signals, under_nohup: None) -> None:
     whats = ["stay", "stay", "stay"]
     with Process([str(CHILDREN / "supervising.py"), str(tmp_path), *whats], name="supervising") as parent:
         pids = [int(word) for word in parent.line("PIDS").split()[1:]]

@@ -242,17 +242,22 @@ async def test_a_late_confirmation_counts(there: Lab) -> None:
     assert (await stopping).robots == {"r1": StopStatus.STOPPED}
 
 
-@virtual
-async def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(there: Lab) -> None:
-    """A frozen agent's lease expires while it is waited for."""
-    agents = await there.agents("r1", "r2", deaf="r2")
-    stopping = asyncio.create_task(stop_robots(there.operator, ()))
-    await asyncio.sleep(1.0)
-    agents["r2"].task.cancel()
-    await agents["r2"].bus.close()
-    result = await stopping
-    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
-    assert not result.confirmed
+@pytest.mark.parametrize("after", [0.3, 1.0])
+def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(after: float) -> None:
+    """A frozen agent's lease expires while the stop is repeated, or while it is waited for."""
+
+    async def run() -> None:
+        async with lab() as there:
+            agents = await there.agents("r1", "r2", deaf="r2")
+            stopping = asyncio.create_task(stop_robots(there.operator, ()))
+            await asyncio.sleep(after)
+            agents["r2"].task.cancel()
+            await agents["r2"].bus.close()
+            result = await stopping
+            assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
+            assert not result.confirmed
+
+    run_virtually(run())
 
 
 @virtual
@@ -280,6 +285,19 @@ async def test_resume_names_who_still_reports_that_he_is_stopped(there: Lab) -> 
     await asyncio.sleep(1.0)
     assert (await resume_robots(there.operator, ())).still_stopped == ()
     assert all(agent.latch.may_drive for agent in agents.values())
+
+
+@virtual
+async def test_a_robot_that_takes_its_time_to_resume_is_waited_for(there: Lab) -> None:
+    agents = await there.agents("r1")
+    await there.base_station()
+    await stop_robots(there.operator, ())
+    agents["r1"].deaf = True
+    resuming = asyncio.create_task(resume_robots(there.operator, ()))
+    await asyncio.sleep(2.0)
+    agents["r1"].report(stop_latched=False)
+    result = await resuming
+    assert (result.reply.accepted, result.still_stopped) == (True, ())
 
 
 @virtual

@@ -3,12 +3,16 @@
 # ruff: noqa: T201 - a child speaks on its output
 
 import os
+import signal
 import sys
 from pathlib import Path
 
 from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.supervision.child import ChildSpec
 from muro_zenoh.supervision.supervisor import Supervisor
+
+# Under nohup SIGHUP is inherited as ignored.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 folder, *whats = sys.argv[1:]
 dummy = str(Path(__file__).parent / "dummy.py")
