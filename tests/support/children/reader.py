@@ -1,4 +1,4 @@
-"""Reads one robot's odometry, prints ``GOT seq stamp age`` for each message: ``reader.py ENDPOINT REALM NAME [LEASE]``."""
+"""Prints ``GOT seq stamp age`` for each message of one robot's odometry: ``reader.py ENDPOINT REALM NAME [LEASE]``."""
 
 import sys
 
