@@ -118,12 +118,12 @@ def test_two_writers_by_turns_never_drive_and_are_logged_once(caplog: pytest.Log
     driven.obey(0.0)
     for k in range(1, 10):
         assert driven.obey(0.1 * k, epoch=7 + k % 2) == STILL
-    said = "r1: two processes command these wheels, which are stopped: is an agent running twice?"
     warnings = [record.message for record in caplog.records if record.levelname == "WARNING"]
-    assert warnings == [said]
+    assert len(warnings) == 1
+    assert warnings[0].startswith("r1: two processes command these wheels")
     driven.obey(3.0)
-    driven.obey(3.1, epoch=8)  # once more, after a time of peace
-    assert caplog.messages.count(said) == 2
+    driven.obey(3.1, epoch=8)  # once more, after a time with one writer
+    assert caplog.messages.count(warnings[0]) == 2
 
 
 def test_a_command_without_epoch_is_no_writer(caplog: pytest.LogCaptureFixture) -> None:

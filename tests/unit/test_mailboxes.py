@@ -12,6 +12,7 @@ import pytest
 from muro_zenoh.errors import TransportError
 from muro_zenoh.messages import SpeedReference, encode, encoding_of
 from muro_zenoh.transport import inbox
+from muro_zenoh.transport.inbox import Slot
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.received import Counters
 from tests.support.clock import ManualClock
@@ -35,7 +36,7 @@ class Box:
         self.counters = Counters()
         loop = asyncio.get_running_loop()
         options = {} if depth is None else {"depth": depth}
-        self.inbox = make(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", **options)
+        self.inbox = make(Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*"), **options)
 
     def file(self, name: str, speed: float, encoding: str | None = ENCODING, stamp: float | None = None) -> None:
         stamp = self.clock.now() if stamp is None else stamp
