@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -46,6 +47,9 @@ _INTENT_TIMEOUT = 0.25
 
 _FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
 
+_FASTEST = 4.0
+"""Wheels that report more than this multiple of what is ever commanded report nonsense."""
+
 _NUMBER = re.compile(r"[0-9.]+")
 
 
@@ -74,6 +78,7 @@ class ControlLoop:
         changed: the latch or the reasons changed; for the health report to clear.
         fixes: fixes used since the start.
         commands: commands sent since the start.
+        refused: fixes and odometry that were not used since the start, by what was wrong.
         pose_ages: from capture to the estimate that used it, of each fix since it was last emptied [s].
     """
 
@@ -84,6 +89,7 @@ class ControlLoop:
         self.changed = False
         self.fixes = 0
         self.commands = 0
+        self.refused: Counter[str] = Counter()
         self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
@@ -114,7 +120,10 @@ class ControlLoop:
             around: what others say.
         """
         for t, v, omega in odometry:
-            self._filter.twist(t, v, omega)
+            if self._is_possible(now, t, v, omega):
+                self._filter.twist(t, v, omega)
+            else:
+                self.refused["odometry"] += 1
         for captured, fix in fixes:
             self._take(now, captured, fix)
         out: Outgoing = []
@@ -165,7 +174,7 @@ class ControlLoop:
         before = self.latch
         self.latch = before.hear(self._name, everybody=order.all, names=order.names, revision=order.revision)
         self.changed |= self.latch != before
-        if order.revision >= self.latch.revision:
+        if order.revision == self.latch.revision:
             self._stopped_names = frozenset(order.names)
         out: Outgoing = []
         if not self.latch.may_drive:
@@ -184,12 +193,25 @@ class ControlLoop:
     # ---- from fix to state
 
     def _take(self, now: float, captured: float, fix: PoseFix) -> None:
+        if not now - _FILTER.history <= captured <= now:
+            self.refused["fix untimely"] += 1
+            return
         result = self._filter.fix(captured, fix.x, fix.y, fix.theta, fix.covariance)
         if result.accepted:
             self.fixes += 1
             self.pose_ages.append(now - captured)
+        else:
+            self.refused[f"fix {result.reason}"] += 1
         if result.restarted:
             log.warning("the fixes have left the track: starting anew at (%.2f, %.2f)", fix.x, fix.y)
+
+    def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
+        """Whether an odometry is of about now, and of wheels that these could be."""
+        return (
+            now - _FILTER.history <= t <= now
+            and abs(v) <= _FASTEST * self._robot.v_max
+            and abs(omega) <= _FASTEST * self._robot.omega_max
+        )
 
     def _look(self, now: float, estimate: PoseEstimate, around: Surroundings) -> Seen:
         return Seen(

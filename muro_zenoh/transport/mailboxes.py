@@ -25,10 +25,11 @@ class Latest(Inbox[T]):
         loop: asyncio.AbstractEventLoop,
         counters: Counters,
         where: str,
+        stale_after: float,
         depth: int = 4,
     ) -> None:
         # depth: garbage behind a good message does not displace it, unless there is a lot of it
-        super().__init__(kind, prefix, clock, loop, counters, where, depth)
+        super().__init__(kind, prefix, clock, loop, counters, where, stale_after, depth)
         self._newest: dict[str, Received[T]] = {}
         self._unread: dict[str, Received[T]] = {}
         self._unseen: set[str] = set()  # names whose newest was not read yet, by next() or get()
@@ -53,6 +54,9 @@ class Latest(Inbox[T]):
         """Drop what is known of a name."""
         if self._raw:
             self._sort()
+        self._forget(name)
+
+    def _forget(self, name: str) -> None:
         self._unseen.discard(name)
         self._newest.pop(name, None)
         self._unread.pop(name, None)
@@ -91,9 +95,10 @@ class Every(Inbox[T]):
         loop: asyncio.AbstractEventLoop,
         counters: Counters,
         where: str,
+        stale_after: float,
         depth: int = 64,
     ) -> None:
-        super().__init__(kind, prefix, clock, loop, counters, where, depth)
+        super().__init__(kind, prefix, clock, loop, counters, where, stale_after, depth)
         self._queue: deque[Received[T]] = deque(maxlen=depth)
 
     def drain(self) -> list[Received[T]]:
