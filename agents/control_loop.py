@@ -101,6 +101,7 @@ class ControlLoop:
         self._intended = -math.inf
         self._sent = -math.inf
         self._calibrated = -math.inf
+        self._ended = False
 
     # ---- events
 
@@ -119,6 +120,8 @@ class ControlLoop:
             odometry: rows t [s], v [m/s], omega [rad/s] that have arrived, in order.
             around: what others say.
         """
+        if self._ended:
+            return []
         for t, v, omega in odometry:
             if self._is_possible(now, t, v, omega):
                 self._filter.twist(t, v, omega)
@@ -160,8 +163,9 @@ class ControlLoop:
             intent: what it wants.
         """
         out: Outgoing = []
-        self._intend(now, intent, out)
-        self._command(now, out)
+        if not self._ended:
+            self._intend(now, intent, out)
+            self._command(now, out)
         return out
 
     def take_stop(self, now: float, order: StopOrder) -> Outgoing:
@@ -177,18 +181,20 @@ class ControlLoop:
         if order.revision == self.latch.revision:
             self._stopped_names = frozenset(order.names)
         out: Outgoing = []
-        if not self.latch.may_drive:
+        if not self.latch.may_drive and not self._ended:
             self._command(now, out)
         return out
 
     def end(self, now: float) -> Outgoing:
-        """The last command: zero.
+        """The last command: zero. After it there is none, whatever a behaviour that does not end may still want.
 
         Args:
             now: the time.
         """
         self._behaviour = None
-        return self.want(now, hold("the agent is leaving"))
+        out = self.want(now, hold("the agent is leaving"))
+        self._ended = True
+        return out
 
     # ---- from fix to state
 

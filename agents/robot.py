@@ -18,30 +18,15 @@ from typing import Any, NamedTuple, TypeVar
 
 from muro_zenoh import config
 from muro_zenoh.behaviours.circle import CircleFollowing
-from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Vehicle, hold
+from muro_zenoh.behaviours.interface import Behaviour, Intent, Neighbour, Seen, Vehicle, hold
 from muro_zenoh.control.circle import CircleLaw
-from muro_zenoh.errors import BehaviourError, MuroError, PlanningError
+from muro_zenoh.errors import BehaviourError, PlanningError
 from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.messages import Estimate
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Latest
 
 P = TypeVar("P")
-
-
-class Neighbour(NamedTuple):
-    """Another robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
-    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
-    ``lost``."""
-
-    name: str
-    x: float
-    y: float
-    theta: float
-    v: float
-    omega: float
-    age: float
-    state: str
 
 
 class Connection(NamedTuple):
@@ -238,7 +223,7 @@ class Robot:
 class CalledBehaviour(Behaviour):
     """A user's own function that is called at each estimate and returns ``v, omega``.
 
-    It may call the robot's methods instead and return nothing. One that raises is not called again.
+    It may call the robot's methods instead and return nothing. One that raises anything is not called again.
 
     Args:
         function: the function.
@@ -250,7 +235,7 @@ class CalledBehaviour(Behaviour):
         self,
         function: Callable[[Robot], Any],
         make_robot: Callable[[Connection], Robot],
-        on_error: Callable[[Exception], str],
+        on_error: Callable[[BaseException], str],
     ) -> None:
         self._function = function
         self._on_error = on_error
@@ -275,7 +260,7 @@ class CalledBehaviour(Behaviour):
             wanted = self._function(self._robot)
             if wanted is not None:
                 return Intent(_twist(wanted))
-        except (MuroError, ValueError) as error:
+        except (Exception, SystemExit) as error:
             self._failure = self._on_error(error)
             return hold(self._failure)
         if self._intent is not None:

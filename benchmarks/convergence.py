@@ -96,7 +96,9 @@ def main() -> None:
     rows = measure(arguments.starts, arguments.seconds)
     print(f"{rows[0]['starts']} starts, {rows[0]['left_out']} left out; settling time over the Dubins path's,")
     print("like for like (both to the band for good), and over that path to its end")
-    print(f"{'law':<16}{'loop':<8}{'median':>8}{'p90':>8}{'to end':>10}{'p90':>8}{'unsettled':>11}   goal, like for like")
+    print(
+        f"{'law':<16}{'loop':<8}{'median':>8}{'p90':>8}{'to end':>10}{'p90':>8}{'unsettled':>11}   goal, like for like"
+    )
     for row in rows:
         goal = "<= {:.2f}, {:.2f}".format(*GOALS[row["loop"]]) if row["default"] else ""
         print(

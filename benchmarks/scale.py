@@ -10,7 +10,7 @@ Rows: processor time in percent of one core, of the agents (mean and greatest of
 and of all together; accepted fixes per second, mean and least of the robots (on their way to the circle, robots that
 start in each other's way hide each other's tags: bodies pass through each other in the simulation); age of the pose
 behind a command; resident memory of all agents together, and of all processes (pages that processes share count in
-each of them).
+each of them), and what the agents really take of the machine (each has its share of the pages that it shares).
 ``times`` is what the fleet costs for a robot, compared with the smallest fleet: 1 is growth in proportion to the
 number of robots.
 """
@@ -28,6 +28,8 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 SCENARIO = """\
 description = "One camera over 6 m x 6 m, and as many robots as are asked for."
@@ -79,6 +81,7 @@ class Row:
         pose_age_p50_ms: age of the pose behind a command.
         pose_age_p99_ms: the same.
         rss_mb: resident memory of all agents together.
+        pss_mb: their memory with a page that k processes share counted as 1 / k in each, near the run's end.
         total_rss_mb: resident memory of all processes together.
     """
 
@@ -95,6 +98,7 @@ class Row:
     pose_age_p50_ms: float
     pose_age_p99_ms: float
     rss_mb: float
+    pss_mb: float
     total_rss_mb: float
 
 
@@ -113,17 +117,34 @@ def measure(robots: int, seconds: float, folder: Path) -> Row:
     scenario.write_text(SCENARIO)
     command = [sys.executable, "-P", "-m", "muro_zenoh", "run", str(scenario), "--robots", str(robots)]
     command += ["--duration", str(seconds), "--seed", str(SEED), "--headless", "--report", str(report)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode != 0 or not report.exists():
-        raise RuntimeError(f"{' '.join(command)}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
-    return row_of(json.loads(report.read_text()))
+    run = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    said, pss = "", 0.0
+    try:
+        said, _ = run.communicate(timeout=seconds)  # the start takes some seconds more, so the robots still drive
+    except subprocess.TimeoutExpired:
+        pss = agents_pss(run.pid)
+        said, _ = run.communicate()
+    if run.returncode != 0 or not report.exists():
+        raise RuntimeError(f"{' '.join(command)}: exit code {run.returncode}\n{said}")
+    return row_of(json.loads(report.read_text()), pss)
 
 
-def row_of(sheet: dict[str, Any]) -> Row:
+def agents_pss(pid: int) -> float:
+    """Memory of all agents of a run, a shared page counted in parts [MB].
+
+    Args:
+        pid: of `muro run`.
+    """
+    agents = [child for child in psutil.Process(pid).children() if "agent" in child.cmdline()]
+    return float(sum(agent.memory_full_info().pss for agent in agents)) / 1e6
+
+
+def row_of(sheet: dict[str, Any], pss_mb: float) -> Row:
     """The row of a run.
 
     Args:
         sheet: its score sheet.
+        pss_mb: of all agents together.
 
     Raises:
         RuntimeError: the sheet lacks a number, as where there is no ``/proc``.
@@ -147,6 +168,7 @@ def row_of(sheet: dict[str, Any]) -> Row:
         pose_age_p50_ms=round(ages["p50"], 1),
         pose_age_p99_ms=round(ages["p99"], 1),
         rss_mb=round(sum(use["rss_mb"] for use in agents), 1),
+        pss_mb=round(pss_mb, 1),
         total_rss_mb=round(sum(use["rss_mb"] for use in processes.values()), 1),
     )
 
@@ -165,6 +187,7 @@ COLUMNS = (
     ("age p50", "pose_age_p50_ms", ".0f"),
     ("p99 ms", "pose_age_p99_ms", ".0f"),
     ("agents MB", "rss_mb", ".0f"),
+    ("PSS MB", "pss_mb", ".0f"),
     ("all MB", "total_rss_mb", ".0f"),
 )
 

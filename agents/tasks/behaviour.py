@@ -11,6 +11,7 @@ from typing import Any
 from agents.control_loop import ControlLoop
 from agents.robot import CalledBehaviour, Connection, Robot
 from agents.tasks.control import Listener, Sender
+from agents.tasks.failure import failure_of
 from muro_zenoh import channels
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Need, Seen, Vehicle, hold
@@ -32,9 +33,9 @@ _EVERYTHING = frozenset(Need) - {Need.GOALS}
 class BehaviourRunner:
     """The behaviour that runs.
 
-    One that cannot be loaded, refuses its parameters, or raises an error of this project or a ValueError leaves the
-    robot stationary, with the reason. One that raises anything else takes the agent down, and the supervisor starts it
-    again. One that ignores its cancellation, or leaves a task behind, is revoked: nothing that it asks for is done.
+    One that cannot be loaded, refuses its parameters, raises anything, or ends by itself leaves the robot stationary,
+    with the reason, until a behaviour is ordered, the same one or another. One that ignores its cancellation, or leaves
+    a task behind, is revoked: nothing that it asks for is done.
 
     Args:
         bus: the bus.
@@ -46,6 +47,8 @@ class BehaviourRunner:
 
     Attributes:
         name: of the behaviour that runs; empty before the first order.
+        outcome: ``failed`` or ``ended`` once it has done so by itself; empty while it runs.
+        failure: why it has, in a line; empty while it runs.
     """
 
     def __init__(
@@ -58,6 +61,8 @@ class BehaviourRunner:
         sender: Sender,
     ) -> None:
         self.name = ""
+        self.outcome = ""
+        self.failure = ""
         self._vehicle = vehicle
         self._settings = settings
         self._loop = loop
@@ -68,8 +73,6 @@ class BehaviourRunner:
         self._built_in: Behaviour | None = None
         self._robot: Robot | None = None
         self._task: asyncio.Task[None] | None = None
-        self._failed = False
-        self._crash: asyncio.Future[None] | None = None
         self._connection = Connection(
             seen=lambda: loop.seen,
             want=self._want,
@@ -80,13 +83,9 @@ class BehaviourRunner:
 
     async def run(self) -> None:
         """Start the behaviour that is ordered; at another order end it and start the next."""
-        self._crash = asyncio.get_running_loop().create_future()
-        orders = asyncio.ensure_future(self._take_orders())
         try:
-            await asyncio.wait({orders, self._crash}, return_when=asyncio.FIRST_COMPLETED)
-            await (orders if orders.done() else self._crash)
+            await self._take_orders()
         finally:
-            orders.cancel()
             await self._end()
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
@@ -111,7 +110,7 @@ class BehaviourRunner:
         async for received in self._orders:
             order = received.message
             wanted = (order.behaviour, order.parameters)
-            again = self._failed and order.revision > revision
+            again = bool(self.outcome) and order.revision != revision
             if wanted == current and not again:
                 continue  # the base station repeats what it keeps
             current, revision = wanted, order.revision
@@ -120,7 +119,7 @@ class BehaviourRunner:
             self._start(order)
 
     def _start(self, order: BehaviourOrder) -> None:
-        self.name, self._failed = order.behaviour, False
+        self.name, self.outcome, self.failure = order.behaviour, "", ""
         log.info("behaviour %s %s", order.behaviour, order.parameters or "")
         try:
             found = table.find(order.behaviour)
@@ -129,7 +128,8 @@ class BehaviourRunner:
                 return
             built_in = make_behaviour(found, order.parameters, self._vehicle, f"behaviour of {self._vehicle.name}")
         except (MuroError, ValueError) as error:
-            self._fail(error)
+            # What a user's module raises while it is imported is the cause of our own error.
+            self._hold(self._fail(error, error.__cause__ if isinstance(error, MuroError) else error))
             return
         self._listener.need(found.needs)
         self._built_in = built_in
@@ -137,44 +137,52 @@ class BehaviourRunner:
 
     def _start_own(self, own: OwnBehaviour, order: BehaviourOrder) -> None:
         self._listener.need(_EVERYTHING)
+        make_robot = functools.partial(Robot, self._vehicle, self._settings, order.parameters)
         if not own.is_async:
-            self._loop.behave(CalledBehaviour(own.function, self._robot_with(order), self._note_failure))
+            self._loop.behave(CalledBehaviour(own.function, make_robot, functools.partial(self._fail_in, own.function)))
             return
-        robot = self._robot = self._robot_with(order)(self._connection)
-        self._task = asyncio.create_task(self._run(own.function, robot), name=order.behaviour)
-        self._task.add_done_callback(self._on_end)
-
-    def _robot_with(self, order: BehaviourOrder) -> Callable[[Connection], Robot]:
-        return functools.partial(Robot, self._vehicle, self._settings, order.parameters)
+        robot = self._robot = make_robot(self._connection)
+        self._task = asyncio.create_task(self._run(own.function, robot), name=f"behaviour {order.behaviour}")
 
     async def _run(self, function: Callable[[Robot], Any], robot: Robot) -> None:
         try:
             await function(robot)
-        except* (MuroError, ValueError) as group:  # a behaviour of several tasks raises a group
-            if not robot.revoked:
-                self._fail(_first(group))
+        except asyncio.CancelledError:
+            if robot.revoked:
+                raise  # it was asked to end
+            reason = self._end_early("it was cancelled by itself")
+        except (Exception, BaseExceptionGroup, SystemExit) as error:
+            if robot.revoked:
+                log.warning("behaviour %s failed while it ended", self.name, exc_info=error)
+                return
+            reason = self._fail_in(function, error)
         else:
-            if not robot.revoked:
-                self._failed = True
-                self._hold(f"behaviour {self.name} has ended")
-
-    def _on_end(self, task: asyncio.Task[None]) -> None:
-        error = None if task.cancelled() else task.exception()
-        if error is not None and self._crash is not None and not self._crash.done():
-            self._crash.set_exception(error)
-
-    def _fail(self, error: Exception) -> None:
+            if robot.revoked:
+                return
+            reason = self._end_early("its function has returned")
         self._loop.behave(None)
-        self._hold(self._note_failure(error))
+        self._hold(reason)
 
-    def _note_failure(self, error: Exception) -> str:
-        """Log it, so that the same order given again starts again; the reason for standing still."""
-        self._failed = True
-        log.error("behaviour %s failed: %s", self.name, error, exc_info=None if isinstance(error, MuroError) else error)
-        return f"behaviour {self.name}: {error}"
+    # ---- ends that nobody ordered
+
+    def _fail_in(self, function: Callable[..., Any], error: BaseException) -> str:
+        return self._fail(error, error, function)
+
+    def _fail(
+        self, error: BaseException, shown: BaseException | None, function: Callable[..., Any] | None = None
+    ) -> str:
+        """Log a failure, with the traceback of ``shown``; the reason for standing still."""
+        self.outcome, self.failure = "failed", f"behaviour {self.name}: {failure_of(error, function)}"
+        log.error("%s", self.failure, exc_info=shown)
+        return self.failure
+
+    def _end_early(self, how: str) -> str:
+        self.outcome, self.failure = "ended", f"behaviour {self.name} has ended: {how}"
+        log.warning("%s", self.failure)
+        return self.failure
 
     async def _end(self) -> None:
-        """End what runs. Were its task awaited itself, its end could not be told from our own cancellation."""
+        """End what runs. Were its task awaited itself, its cancellation could not be distinguished from our own."""
         self._loop.behave(None)
         self._built_in = None
         if self._robot is not None:
@@ -187,7 +195,7 @@ class BehaviourRunner:
         await asyncio.wait({task}, timeout=_LEAVE_TIMEOUT)
         if not task.done():
             log.error(
-                "behaviour %s has not ended %g s after it was cancelled: let CancelledError pass; it is revoked",
+                "%s has not ended %g s after it was cancelled: let CancelledError pass; it is revoked",
                 task.get_name(),
                 _LEAVE_TIMEOUT,
             )
@@ -197,10 +205,3 @@ class BehaviourRunner:
 
     def _hold(self, reason: str) -> None:
         self._want(hold(reason))
-
-
-def _first(group: BaseExceptionGroup[Exception]) -> Exception:
-    error: Exception | BaseExceptionGroup[Exception] = group
-    while isinstance(error, BaseExceptionGroup):
-        error = error.exceptions[0]
-    return error

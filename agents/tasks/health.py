@@ -55,6 +55,7 @@ async def report_health(
                     **bus.numbers(),
                 },
                 samples=samples,
+                failure=runner.failure,
                 stop_latched=loop.latch.stopped,
                 stop_all=loop.latch.everybody,
                 stop_revision=max(loop.latch.revision, 0),
@@ -67,6 +68,8 @@ async def report_health(
 
 
 def _state(loop: ControlLoop, runner: BehaviourRunner) -> str:
+    if runner.outcome:
+        return runner.outcome
     if loop.latch.stopped:
         return "stopped"
     if loop.reasons:

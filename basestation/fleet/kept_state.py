@@ -19,17 +19,33 @@ from muro_zenoh.safety.stop import FAR, MOST_REVISION
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
-    """A robot's behaviour and its parameters."""
+    """A robot's behaviour.
+
+    Attributes:
+        behaviour: its name.
+        parameters: its own.
+        revision: of the kept state when it was ordered; 0 when the scenario says so. A robot whose behaviour has failed
+            starts it again at another one, and not because something else has changed.
+    """
 
     behaviour: str
     parameters: dict[str, Value] = {}
+    revision: Annotated[int, Meta(ge=0)] = 0
+
+    def is_like(self, other: KeptBehaviour) -> bool:
+        """Whether two robots do the same, whenever that was ordered.
+
+        Args:
+            other: the other robot's.
+        """
+        return (self.behaviour, self.parameters) == (other.behaviour, other.parameters)
 
 
 class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All that outlives the base station.
 
     Attributes:
-        revision: rises with every change; the circle and the behaviours carry it.
+        revision: rises with every change; the circle carries it, and each behaviour the one at which it was ordered.
         stop_revision: the revision of the newest change of the stop, which stop orders carry. It has one of its own,
             because a newer revision lifts a stop that robots received straight from an operator: a change of the circle
             must not.
@@ -121,7 +137,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             OrderRefused: a robot that the settings do not have, no such behaviour, or one that they cannot do.
         """
         _check_names(order.names, scenario)
-        kept = KeptBehaviour(order.behaviour, order.parameters)
+        kept = KeptBehaviour(order.behaviour, order.parameters, self._next_revision(0))
         new = self._changed(behaviour={**self.behaviour, **dict.fromkeys(order.names or scenario.robots, kept)})
         new._require_feasible(scenario)
         return new
@@ -183,7 +199,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         groups: list[tuple[KeptBehaviour, list[str]]] = []
         for name in scenario.robots:
             kept = self.behaviour[name]
-            names = next((names for other, names in groups if other == kept), None)
+            names = next((names for other, names in groups if other.is_like(kept)), None)
             if names is None:
                 groups.append((kept, [name]))
             else:

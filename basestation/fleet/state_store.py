@@ -78,7 +78,7 @@ class StateStore:
             name: of the robot.
         """
         kept = self.state.behaviour[name]
-        return Behaviour(behaviour=kept.behaviour, parameters=kept.parameters, revision=self.state.revision)
+        return Behaviour(behaviour=kept.behaviour, parameters=kept.parameters, revision=kept.revision)
 
     # ---- stops: they hold when the call returns
 

@@ -60,6 +60,21 @@ class RobotSeen(Protocol):
     def state(self) -> str: ...
 
 
+class Neighbour(NamedTuple):
+    """A robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
+    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
+    ``lost``."""
+
+    name: str
+    x: float
+    y: float
+    theta: float
+    v: float
+    omega: float
+    age: float
+    state: str = "tracking"
+
+
 def is_visible(robot: RobotSeen) -> bool:
     """Whether the cameras see a robot now; a stale or lost robot is an obstacle at its last position.
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from muro_zenoh.behaviours.dubins import GoalList
+from muro_zenoh.behaviours.dubins import GoalList, fits
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Expectation, Intent, Need, Seen, Vehicle, hold
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import STILL, Circle, Pose2
+from muro_zenoh.geometry import STILL, Pose2
 from muro_zenoh.planning.arena import require_goal_inside
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
@@ -84,20 +83,6 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Steering:
         vehicle: the robot; its arena and radius are used.
     """
     return Steering(parameters.steering, parameters.targets.itinerary(), vehicle)
-
-
-def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse goals outside the arena.
-
-    Args:
-        parameters: the parameters, with the goals.
-        circle: not used.
-        fleet: the robots.
-
-    Raises:
-        ParameterError: a goal is outside the arena, or too near its border.
-    """
-    parameters.targets.require_inside(fleet)
 
 
 BEHAVIOUR = BehaviourKind(

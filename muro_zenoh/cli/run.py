@@ -65,8 +65,9 @@ def run(
     Starts a router, a simulator, a base station and an agent per robot, each a process; shows how they do, and ends
     with a score sheet. It leaves runs/<time>-<scenario>/ with the settings, the score sheet and a log per process.
 
-    The exit code is 0 when the run met the scenario's checks, 1 when not or when a process could not be kept alive,
-    2 for wrong settings, 130 when it was interrupted.
+    The exit code is 0 when the run met the scenario's checks, or the scenario makes none; 1 when it did not, when a
+    behaviour failed or ended early, or when a process could not be kept alive; 2 for wrong settings; 130 when it was
+    interrupted.
     """
     from muro_zenoh.cli.live import PlainScreen, TableScreen
     from muro_zenoh.cli.options import override_bus

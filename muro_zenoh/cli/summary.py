@@ -20,9 +20,24 @@ def summary(sheet: ScoreSheet) -> str:
     for name, check in sheet.checks.items():
         met = "met" if check.passed else "NOT MET"
         lines.append(f"  check {name}: {_number(check.value)} (limit {_number(check.limit)}) {met}")
-    early = f" ({sheet.ended})" if sheet.ended != "duration" else ""
-    lines.append("passed" if sheet.passed else f"NOT PASSED{early}")
+    lines += [f"  {name}: {failure}" for name, failure in sheet.failures.items()]
+    lines.append(_verdict(sheet))
     return "\n".join(lines)
+
+
+def _verdict(sheet: ScoreSheet) -> str:
+    if sheet.passed is None:
+        return "nothing was checked: the scenario sets no [checks]"
+    if sheet.passed:
+        return "passed"
+    missed = [name for name, check in sheet.checks.items() if not check.passed]
+    why = [
+        *((sheet.ended,) if sheet.ended != "duration" else ()),
+        *((f"the behaviour of {' '.join(sheet.failures)} failed or ended early",) if sheet.failures else ()),
+        *((f"{', '.join(missed)} not met",) if missed else ()),
+        *(() if sheet.checks else ("nothing was checked",)),
+    ]
+    return f"NOT PASSED ({'; '.join(why)})"
 
 
 def _task_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
@@ -58,6 +73,11 @@ def _fleet_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
     yield "pose to command", _spread(sheet.pose_to_command_ms, " ms")
     yield "fix rate", f"{_number(min(rates, default=None), ' Hz')} at least"
     yield "calibration error", f"{_number(max(errors, default=None))} at most"
+    stopped = {name: time for name, time in sheet.stopped_s.items() if time > 0.0}
+    if stopped:
+        yield "stop order", ", ".join(f"{name} for {_number(time, ' s')}" for name, time in stopped.items())
+    if sheet.never_seen:
+        yield "never seen", f"{' '.join(sheet.never_seen)}: no camera saw them"
     yield "restarts", str(sheet.restarts)
     yield "processor", f"{_number(round(sum(cpu), 1) if cpu else None, ' %')} of one core, all processes"
 

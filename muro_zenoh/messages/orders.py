@@ -64,10 +64,11 @@ class Health(Message, frozen=True, kw_only=True):
 
     Attributes:
         role: ``agent``, ``base``, ``basestation``, ``simulator`` ...
-        state: one word, such as ``driving``, ``holding``, ``stopped``, ``waiting``.
+        state: one word, such as ``driving``, ``holding``, ``stopped``, ``failed``.
         reasons: why it is not driving, most important first.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the last health by name (``pose_age_s``, ``pose_to_command_s``).
+        failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
         stop_latched: a stop is latched here.
         stop_all: ... and it was an order to everybody.
         stop_revision: the newest revision of the stop order that was heard here.
@@ -78,6 +79,7 @@ class Health(Message, frozen=True, kw_only=True):
     reasons: tuple[str, ...] = ()
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    failure: str = ""
     stop_latched: bool = False
     stop_all: bool = False
     stop_revision: int = 0

@@ -48,6 +48,7 @@ class Collector:
         self._circle = bus.latest(channels.CIRCLE)
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
+        self._positions = bus.latest(channels.ALL_POSITIONS)
         self._paths = bus.every(channels.PATH, "*", depth=4096)
         # Recorded only for the check that needs it: these are many messages.
         self._commands = (
@@ -62,6 +63,8 @@ class Collector:
         self._began: float | None = None
         self._on_circle_since: dict[str, float] = {}
         self._error_after: dict[str, float | None] = {}
+        self._seen: set[str] = set()
+        self._failures: dict[str, str] = {}
         self.health: dict[str, Health] = {}
         self.latest = Sample(0.0, {}, scenario.circle)
 
@@ -95,6 +98,8 @@ class Collector:
         """Take the health of every process as it comes, until cancelled."""
         async for received in self._health:
             self.health[received.name] = received.message
+            if received.message.failure:
+                self._failures.setdefault(received.name, received.message.failure)
             if received.message.role == "simulator":
                 self._simulator.add(received.message)
             if self._began is not None:
@@ -137,7 +142,11 @@ class Collector:
         """Look at the fleet once."""
         bodies = self._bodies(self._bus.clock.now())
         positions = {name: (body.x, body.y) for name, body in bodies.items()}
-        self.latest = Sample(self.elapsed, positions, self.circle, bodies)
+        stopped = frozenset(name for name, health in self.health.items() if health.stop_latched)
+        self.latest = Sample(self.elapsed, positions, self.circle, bodies, stopped)
+        snapshot = self._positions.get()
+        if snapshot is not None:
+            self._seen.update(robot.name for robot in snapshot.message.robots)
         if self._began is not None:
             self._samples.append(self.latest)
             self._note_circling(self.latest)
@@ -214,4 +223,6 @@ class Collector:
             processes=processes,
             paths=self._planned if self.asked.v_min is not None else {},
             command_ratio=self._command_ratio,
+            seen=self._seen,
+            failures=self._failures,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -61,12 +61,14 @@ class Sample(NamedTuple):
         positions: x, y [m, world] of each robot whose truth is known then.
         circle: the circle to follow then.
         bodies: each robot whose truth is known then, with heading and speeds.
+        stopped: the robots that were under a stop order then.
     """
 
     t: float
     positions: Mapping[str, tuple[float, float]]
     circle: Circle
     bodies: Mapping[str, Body] = MappingProxyType({})
+    stopped: frozenset[str] = frozenset()
 
 
 class Calibrated(NamedTuple):
@@ -115,6 +117,8 @@ class Observed:
         processes: their use of the machine, by process.
         paths: the paths that each robot planned; empty when the scenario asks for none.
         command_ratio: the largest speed commanded of any robot over its limit; None when it was not recorded.
+        seen: the robots that a camera saw.
+        failures: why behaviours failed, or ended before the run did, by robot.
     """
 
     scenario: str
@@ -135,3 +139,5 @@ class Observed:
     processes: Mapping[str, ProcessUse] = field(default_factory=dict)
     paths: Mapping[str, Sequence[Planned]] = field(default_factory=dict)
     command_ratio: float | None = None
+    seen: Collection[str] = ()
+    failures: Mapping[str, str] = field(default_factory=dict)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from itertools import pairwise
 
 from muro_zenoh.config import Checks
 from muro_zenoh.scoring.checks import check_run
@@ -11,7 +13,7 @@ from muro_zenoh.scoring.density import density_error
 from muro_zenoh.scoring.deployment import Coverage, score_deployment
 from muro_zenoh.scoring.goals import Tracked, score_goals, score_tracking
 from muro_zenoh.scoring.observed import Calibrated, Moment, Observed, Sample
-from muro_zenoh.scoring.sheet import Calibration, ScoreSheet
+from muro_zenoh.scoring.sheet import Calibration, CheckResult, ScoreSheet
 from muro_zenoh.scoring.spread import DelaySpread, ErrorSpread
 
 
@@ -62,14 +64,27 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
         pose_to_command_ms=DelaySpread.of_seconds(seen.pose_to_command),
         fix_rate_hz={name: seen.fix_rate.get(name) for name in seen.robots},
         calibration={name: _calibration(seen, name) for name in seen.robots},
+        never_seen=tuple(name for name in seen.robots if name not in seen.seen),
+        stopped_s={name: _stopped_time(seen, name) for name in seen.robots},
+        failures={name: seen.failures[name] for name in seen.robots if name in seen.failures},
         restarts=seen.restarts,
         processes=seen.processes,
         checks={},
-        passed=False,
+        passed=None,
     )
     results_of_checks = check_run(sheet, checks)
-    passed = seen.ended == "duration" and all(result.passed for result in results_of_checks.values())
-    return replace(sheet, checks=results_of_checks, passed=passed)
+    return replace(sheet, checks=results_of_checks, passed=_passed(seen, results_of_checks.values()))
+
+
+def _passed(seen: Observed, checked: Collection[CheckResult]) -> bool | None:
+    """Whether nothing went wrong and something was checked; None when nothing was."""
+    if seen.ended != "duration" or seen.failures or not all(result.passed for result in checked):
+        return False
+    return True if checked else None
+
+
+def _stopped_time(seen: Observed, name: str) -> float:
+    return sum(after.t - before.t for before, after in pairwise(seen.samples) if name in before.stopped)
 
 
 def _radius_errors(seen: Observed, window: list[Sample]) -> dict[str, list[float]]:

@@ -217,7 +217,25 @@ class ScoreSheet(Table):
         ),
     ]
     calibration: Annotated[Mapping[str, Calibration], Row(by="robot")]
+    never_seen: Annotated[tuple[str, ...], Row("the robots that no camera ever saw")]
+    stopped_s: Annotated[
+        Mapping[str, float],
+        Row("scenario time under a stop order, as the robot's agent reported it", "s", 1, by="robot"),
+    ]
+    failures: Annotated[
+        Mapping[str, str],
+        Row(
+            "why the robot's behaviour failed, or ended before the run did; of the robots whose behaviour did",
+            by="robot",
+        ),
+    ]
     restarts: Annotated[int, Row("processes that died and were started again")]
     processes: Annotated[Mapping[str, ProcessUse], Row(by="process")]
     checks: Annotated[Mapping[str, CheckResult], Row(by="check")]
-    passed: Annotated[bool, Row("whether the run went on for its whole duration and met every check")]
+    passed: Annotated[
+        bool | None,
+        Row(
+            "`false` when the run ended before its duration, a behaviour failed or ended before the run did, or a "
+            "check is not met; else `true`, or `null` when the scenario makes no checks"
+        ),
+    ]

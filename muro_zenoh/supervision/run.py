@@ -61,10 +61,10 @@ class RunResult(NamedTuple):
 
     @property
     def exit_code(self) -> int:
-        """Of ``muro run``: 0 when all checks were met, 1 when not, 130 when it was interrupted."""
+        """Of ``muro run``: 130 when it was interrupted, 1 when it did not pass; else 0, though nothing was checked."""
         if self.interrupted:
             return INTERRUPTED
-        return 0 if self.sheet is not None and self.sheet.passed else 1
+        return 1 if self.sheet is None or self.sheet.passed is False else 0
 
 
 class Screen(Protocol):

@@ -82,6 +82,9 @@ def _settings(settings: BusSettings) -> dict[str, Any]:
         "scouting/delay": 0,
         "transport/link/tx/lease": int(settings.lease * 1000),
         "transport/link/tx/keep_alive": 4,
+        # Frames go through shared memory between processes of one machine, the fleet's table does not: from about 40
+        # robots on it is larger than Zenoh's threshold of 3 kB, and each agent would map 40 MB of pools to read it.
+        "transport/shared_memory/transport_optimization/message_size_threshold": 65536,
         "timestamping/enabled": True,  # the cache behind kept channels wants it
     }
     if settings.connect:

@@ -134,6 +134,7 @@ class MemoryFleet:
         self._states = looking.latest(channels.BASE, "*")
         self._station_bus = await self.bus(Role.BASESTATION)
         self.station = Station(self._station_bus, self.scenario, None, [self.camera])
+        self._station_bus.announce(Role.BASESTATION, "basestation")
         self._tasks.create_task(self.station.run(), name="base station")
         room = await self.bus(Role.SIMULATOR, Role.BASE)
         wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(self.scenario.robots)}

@@ -162,6 +162,18 @@ async def test_a_backlog_is_no_command(lab: Lab) -> None:
     assert lab.wheels.now == (0.1, 0.0)
 
 
+@pytest.mark.parametrize(("late", "obeyed"), [(0.0, True), (0.29, True), (0.31, False), (2.0, False)])
+async def test_a_command_that_comes_late_is_never_obeyed_for_a_moment_either(
+    lab: Lab, late: float, obeyed: bool
+) -> None:
+    await lab.command(0.2, 0.0)  # so that it is known how quick the way is
+    lab.clock.advance(5.0)
+    await lab.beat()
+    before = len(lab.wheels.commanded)
+    await lab.command(0.3, 0.1, stamp=lab.clock.now() - late)
+    assert ((0.3, 0.1) in lab.wheels.commanded[before:]) == obeyed
+
+
 async def test_a_late_command_holds_only_for_the_rest_of_its_time(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(0.5)
@@ -212,6 +224,34 @@ async def test_a_restarted_agent_is_obeyed_once_the_old_ones_command_has_expired
         assert lab.wheels.now == (0.1, 0.0)
 
 
+async def test_a_command_without_epoch_is_not_obeyed_alone_nor_beside_another(
+    lab: Lab, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Two writers that both omit it could not be told apart: they would drive the wheels in turns."""
+
+    async def unsigned(v: float) -> None:
+        raw = msgspec.msgpack.encode({"stamp": lab.clock.now(), "v": v, "omega": 0.0})
+        lab.network.put("muro/cmd_vel/r1", raw)
+        await lab.beat()
+
+    for _ in range(3):
+        await unsigned(0.4)
+        assert set(lab.wheels.commanded) == {(0.0, 0.0)}
+    await lab.command(0.2, 0.0)
+    assert lab.wheels.now == (0.2, 0.0)
+    before = len(lab.wheels.commanded)
+    for _ in range(3):
+        lab.clock.advance(0.05)
+        await unsigned(0.4)
+        await lab.command(0.2, 0.0)
+    assert set(lab.wheels.commanded[before:]) == {(0.2, 0.0)}
+    for _ in range(4):  # nor does it keep the agent's last command alive
+        lab.clock.advance(0.1)
+        await unsigned(0.4)
+    assert lab.wheels.now == (0.0, 0.0)
+    assert sum("a command without `epoch`" in record.message for record in caplog.records) == 1
+
+
 @pytest.mark.parametrize("hazard", ["bumper", "cliff", "wheel_drop"])
 async def test_a_hazard_stops_the_wheels_at_once_and_while_it_lasts(lab: Lab, hazard: str) -> None:
     await lab.command(0.2, 0.1)
@@ -236,26 +276,35 @@ async def test_charging_alone_stops_nobody(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize(
-    "payload",
-    [b"garbage", b"\x83\xa5stamp\xcb\x41\x00\x00\x00\x00\x00\x00\x00\xa1v\xcb\x7f\xf8\x00\x00\x00\x00\x00\x00"],
-    ids=["noise", "NaN"],
+    ("v", "omega", "reason"),
+    [
+        (None, None, "Expected `object`, got `int`"),
+        (math.nan, 0.0, "v: got nan, expected a finite number"),
+        (0.3, math.nan, "omega: got nan, expected a finite number"),
+        (math.inf, 0.0, "v: got inf, expected a finite number"),
+        (0.3, -math.inf, "omega: got -inf, expected a finite number"),
+    ],
 )
-async def test_garbage_neither_drives_nor_keeps_a_command_alive(lab: Lab, payload: bytes) -> None:
+async def test_garbage_neither_drives_nor_keeps_a_command_alive(
+    lab: Lab, v: float | None, omega: float | None, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
     await lab.command(0.2, 0.0)
+    began = len(lab.wheels.commanded)
     for _ in range(5):
         lab.clock.advance(0.1)
-        lab.network.put("muro/cmd_vel/r1", payload)
+        # All else in it is as the agent sends it.
+        good = {"stamp": lab.clock.now(), "seq": 9, "epoch": lab.bus.epoch, "v": v, "omega": omega}
+        lab.network.put("muro/cmd_vel/r1", msgspec.msgpack.encode(good) if v is not None else b"garbage")
         await lab.beat()
-    assert lab.wheels.now == (0.0, 0.0)
+    assert set(lab.wheels.commanded[began:]) == {(0.0, 0.0)}
+    assert sum(reason in record.message for record in caplog.records if "dropped a message" in record.message) == 1
 
 
-async def test_infinite_speeds_are_no_command(lab: Lab) -> None:
-    await lab.command(0.2, 0.0)
-    for bad in (float("nan"), float("inf")):
-        raw = msgspec.msgpack.encode({"stamp": lab.clock.now(), "v": bad, "omega": 0.0})
-        lab.network.put("muro/cmd_vel/r1", raw)
-        await lab.beat()
-        assert lab.wheels.now == (0.2, 0.0)
+async def test_the_same_message_with_finite_numbers_is_a_command(lab: Lab) -> None:
+    good = {"stamp": lab.clock.now(), "seq": 9, "epoch": lab.bus.epoch, "v": 0.3, "omega": 0.1}
+    lab.network.put("muro/cmd_vel/r1", msgspec.msgpack.encode(good))
+    await lab.beat()
+    assert lab.wheels.now == (0.3, 0.1)
 
 
 async def test_odometry_is_what_the_wheels_read_with_its_time(lab: Lab) -> None:
@@ -294,6 +343,22 @@ async def test_wheels_that_fail_end_the_base_with_the_wheels_at_zero(lab: Lab) -
     lab.wheels.read = broken  # type: ignore[method-assign]
     with pytest.raises(OSError, match="serial line"):
         await within(1, lab.task, "the end")
+    assert lab.wheels.now == (0.0, 0.0)
+
+
+async def test_a_timeout_of_the_wheels_own_is_not_taken_for_the_time_of_a_beat(lab: Lab) -> None:
+    await lab.command(0.2, 0.1)
+    driven = lab.wheels.command
+
+    def slow(v: float, omega: float) -> None:
+        if v:
+            raise TimeoutError("the serial line does not answer")
+        driven(v, omega)
+
+    lab.wheels.command = slow  # type: ignore[method-assign]
+    lab._out.put(VelocityCommand(v=0.3, omega=0.0))
+    await within(2, asyncio.wait({lab.task}), "the end")
+    assert repr(lab.task.exception()) == "TimeoutError('the serial line does not answer')"
     assert lab.wheels.now == (0.0, 0.0)
 
 

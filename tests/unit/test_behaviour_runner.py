@@ -1,15 +1,21 @@
-"""Changing the behaviour: the one before is revoked, whatever it left behind."""
+"""Running behaviours: how they are changed, how they end, and how they fail."""
 
 from __future__ import annotations
 
 import asyncio
+import itertools
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from agents.control_loop import ControlLoop, Surroundings
 from muro_zenoh import channels
-from muro_zenoh.messages import SetBehaviour
+from muro_zenoh.behaviours.interface import Intent
+from muro_zenoh.config import RobotSettings
+from muro_zenoh.geometry import Twist2
+from muro_zenoh.messages import Resume, SetBehaviour, SetCircle, Stop, StopOrder, VelocityCommand
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import memory_fleet, scenario
 
@@ -39,13 +45,76 @@ OVER = asyncio.Event()
 """
 
 
+FAILING = """
+import asyncio
+
+async def swim(robot):
+    async for _ in robot.estimates():
+        robot.drive(0.1, 0.0)
+        if robot.state.x > -99.0:
+            dive()
+
+def dive():
+    raise RuntimeError("out of\\nwater")
+
+async def group(robot):
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(asyncio.sleep(600))
+        tasks.create_task(swim(robot))
+
+async def leave(robot):
+    raise SystemExit(3)
+
+async def brief(robot):
+    robot.drive(0.2, 0.0)
+
+async def cancelled(robot):
+    raise asyncio.CancelledError
+
+def called(robot):
+    return 1.0 / 0.0
+
+def wrong(robot):
+    return "straight on"
+
+def exits(robot):
+    raise SystemExit(3)
+
+STARTS = []
+
+async def counts(robot):
+    STARTS.append(robot.now)
+    raise ValueError("again")
+"""
+
+
+RUNNING = """
+STARTS = []
+
+async def go(robot):
+    STARTS.append(robot.now)
+    async for _ in robot.estimates():
+        robot.drive(0.1, 0.0)
+"""
+
+
+@pytest.fixture
+def users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Puts a module of a user's own where behaviours are looked for."""
+
+    def put(name: str, text: str) -> None:
+        (tmp_path / f"{name}.py").write_text(text)
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return put
+
+
 @pytest.mark.parametrize("behaviour", ["deaf", "forgetful"])
 def test_what_does_not_end_is_revoked(
-    behaviour: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    behaviour: str, users_own: Callable[[str, str], None], caplog: pytest.LogCaptureFixture
 ) -> None:
-    (tmp_path / "lab_stubborn.py").write_text(STUBBORN)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "lab_stubborn", raising=False)
+    users_own("lab_stubborn", STUBBORN)
 
     async def main() -> None:
         async with memory_fleet(scenario(1, f"lab_stubborn:{behaviour}")) as fleet:
@@ -63,5 +132,143 @@ def test_what_does_not_end_is_revoked(
             finally:
                 sys.modules["lab_stubborn"].OVER.set()
                 await asyncio.sleep(0.2)
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize("behaviour", ["deaf", "forgetful"])
+def test_nothing_is_sent_after_the_last_zero(behaviour: str, users_own: Callable[[str, str], None]) -> None:
+    users_own("lab_stubborn", STUBBORN)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, f"lab_stubborn:{behaviour}")) as fleet:
+            try:
+                commands = (await fleet.bus()).every(channels.CMD_VEL, "r1", depth=1024)
+                await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 3, "it drives")
+                fleet.agents["r1"].cancel()
+                await asyncio.sleep(2.0)
+                sent = [(received.message.v, received.message.omega) for received in commands.drain()]
+                assert sent[-1] == (0.0, 0.0)
+                assert sent[-2] != (0.0, 0.0)  # there is one zero, and nothing after it
+            finally:
+                sys.modules["lab_stubborn"].OVER.set()
+                await asyncio.sleep(0.2)
+
+    run_virtually(main())
+
+
+def test_a_control_loop_that_has_ended_sends_nothing_whatever_comes() -> None:
+    loop = ControlLoop("r1", RobotSettings())
+    ((channel, last),) = loop.end(1.0)
+    assert channel is channels.CMD_VEL
+    assert isinstance(last, VelocityCommand)
+    assert (last.v, last.omega) == (0.0, 0.0)
+    assert loop.want(1.01, Intent(Twist2(0.2, 0.0))) == []
+    assert loop.take_stop(1.02, StopOrder(all=True, revision=3)) == []
+    assert loop.update(2.0, [], [], Surroundings()) == []
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "state", "said"),
+    [
+        ("swim", "failed", "RuntimeError: out of water (lab_failing.py, line 11)"),
+        ("group", "failed", "RuntimeError: out of water (lab_failing.py, line 11)"),
+        ("leave", "failed", "SystemExit: 3 (lab_failing.py, line 19)"),
+        ("called", "failed", "ZeroDivisionError: float division by zero (lab_failing.py, line 28)"),
+        (
+            "wrong",
+            "failed",
+            "ValueError: got 'straight on', expected `return v, omega` [m/s, rad/s] (lab_failing.py, line 30)",
+        ),
+        ("exits", "failed", "SystemExit: 3 (lab_failing.py, line 34)"),
+        ("brief", "ended", "has ended: its function has returned"),
+        ("cancelled", "ended", "has ended: it was cancelled by itself"),
+    ],
+)
+def test_a_behaviour_that_fails_or_ends_leaves_the_robot_stationary_with_the_reason(
+    behaviour: str, state: str, said: str, users_own: Callable[[str, str], None], caplog: pytest.LogCaptureFixture
+) -> None:
+    users_own("lab_failing", FAILING)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(2, "circle")) as fleet:
+            await fleet.until(lambda: len(fleet.driving) == 2, 3, "both drive")
+            order = SetBehaviour(behaviour=f"lab_failing:{behaviour}", names=("r1",))
+            await fleet.order(channels.SET_BEHAVIOUR, order)
+            await fleet.until(lambda: fleet.healths["r1"].state == state, 0.5, "it says so at once")
+            health = fleet.healths["r1"]
+            assert health.failure == f"behaviour lab_failing:{behaviour}{' ' if state == 'ended' else ': '}{said}"
+            assert health.reasons == (health.failure,)
+            for _ in range(20):
+                await asyncio.sleep(0.1)
+                assert fleet.commanded("r1") == (0.0, 0.0)
+            assert fleet.commanded("r2") != (0.0, 0.0)
+            assert not fleet.agents["r1"].done()
+            assert fleet.healths["r1"].failure == health.failure
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
+            await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 1.5, "the next one is taken")
+            await fleet.until(lambda: not fleet.healths["r1"].failure, 1.5, "it says so")
+            assert fleet.healths["r1"].state == "circle"
+
+    run_virtually(main())
+    if state == "failed" and behaviour != "wrong":  # what it returned was found out outside of it
+        assert 'lab_failing.py", line' in caplog.text  # the traceback
+    assert said in caplog.text
+
+
+def test_an_error_while_a_users_module_is_imported_shows_where(
+    users_own: Callable[[str, str], None], caplog: pytest.LogCaptureFixture
+) -> None:
+    users_own("lab_broken", "import math\n\nSPEED = 1 / 0\n")
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "hold")) as fleet:
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="lab_broken:go"))
+            await fleet.until(lambda: fleet.holds("r1", "ZeroDivisionError('division by zero')"), 1.5, "it says why")
+            assert fleet.healths["r1"].state == "failed"
+
+    run_virtually(main())
+    assert 'lab_broken.py", line 3, in <module>' in caplog.text
+
+
+def test_a_behaviour_that_failed_starts_again_when_it_is_ordered_again_and_only_then(
+    users_own: Callable[[str, str], None],
+) -> None:
+    users_own("lab_failing", FAILING)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(2, "circle")) as fleet:
+            await asyncio.sleep(1.0)
+            order = SetBehaviour(behaviour="lab_failing:counts", names=("r1",))
+            await fleet.order(channels.SET_BEHAVIOUR, order)
+            await fleet.until(lambda: fleet.healths["r1"].state == "failed", 1.5, "it fails")
+            starts: list[float] = sys.modules["lab_failing"].STARTS
+            assert len(starts) == 1
+            await asyncio.sleep(3.0)  # the base station repeats it twice a second
+            assert len(starts) == 1
+            # Other changes of the kept state are no order to it.
+            await fleet.order(channels.SET_CIRCLE, SetCircle(radius=0.7))
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold", names=("r2",)))
+            await fleet.order(channels.STOP_ORDER, Stop(names=("r2",)))
+            await fleet.order(channels.RESUME, Resume(revision=fleet.kept.stop.revision))
+            await asyncio.sleep(1.5)
+            assert len(starts) == 1
+            for count in itertools.islice(itertools.count(2), 2):
+                await fleet.order(channels.SET_BEHAVIOUR, order)
+                await asyncio.sleep(1.5)
+                assert len(starts) == count
+
+    run_virtually(main())
+
+
+def test_a_behaviour_that_runs_goes_on_when_it_is_ordered_again(users_own: Callable[[str, str], None]) -> None:
+    users_own("lab_running", RUNNING)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "lab_running:go")) as fleet:
+            await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 3, "it drives")
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="lab_running:go"))
+            await asyncio.sleep(1.0)
+            assert len(sys.modules["lab_running"].STARTS) == 1
 
     run_virtually(main())

@@ -13,7 +13,7 @@ import pytest_asyncio
 
 from muro_zenoh import channels, geometry
 from muro_zenoh.config import find_scenario
-from muro_zenoh.messages import Calibration, Circle, Health, Truth
+from muro_zenoh.messages import Calibration, Circle, FleetSnapshot, Health, RobotState, Truth, VelocityCommand
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.view import view_of
@@ -176,6 +176,60 @@ async def test_calibrations_are_looked_at_after_ten_seconds_on_the_circle(lab: L
     assert seen.calibration_error_10s == {"r1": pytest.approx(0.04)}  # 1.2 * 0.8 = 0.96; 0.9 * 1.1 = 0.99
     assert seen.calibration["r1"].error == pytest.approx(0.0)
     assert seen.calibration["r2"].error is None
+
+
+async def test_a_failure_is_kept_though_the_next_behaviour_runs(lab: Lab) -> None:
+    await lab.health("r1", failure="behaviour lab:early: before the beginning")
+    lab.collector.begin()
+    await lab.health("r2")
+    await lab.health("r2", failure="behaviour lab:swim: out of water")
+    await lab.health("r2", failure="behaviour lab:swim: another one")
+    await lab.health("r2")
+    assert lab.observed().failures == {
+        "r1": "behaviour lab:early: before the beginning",
+        "r2": "behaviour lab:swim: out of water",
+    }
+
+
+async def test_samples_know_who_is_under_a_stop_order(lab: Lab) -> None:
+    lab.collector.begin()
+    for latched in (False, True, False):
+        await lab.health("r1", stop_latched=latched)
+        lab.collector.take_sample()
+    assert [sample.stopped for sample in lab.collector.samples] == [frozenset(), {"r1"}, frozenset()]
+
+
+async def test_robots_are_seen_when_they_were_in_any_snapshot(lab: Lab) -> None:
+    lab.collector.begin()
+    snapshots = lab.bus("basestation").publisher(channels.ALL_POSITIONS)
+    lab.collector.take_sample()
+    assert set(lab.observed().seen) == set()
+    for name in ("r1", "r9"):  # a base station that is restarted knows nobody
+        snapshots.put(FleetSnapshot(robots=(RobotState(name, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, "lost"),)))
+        await lab.settle()
+        lab.collector.take_sample()
+    assert set(lab.observed().seen) == {"r1", "r9"}
+
+
+async def test_the_largest_command_of_all_is_kept() -> None:
+    """Of every robot, over its own limits, forwards and backwards; r1 may do 0.5 m/s and 1.5 rad/s."""
+    scenario = find_scenario("pursuit", 2, {"checks.command_ratio": 1.0, "all.v_max": 0.5})
+    network, clock = MemoryNetwork(), ManualClock()
+    async with make_bus(network.link(), "muro", clock=clock) as bus, make_bus(network.link(), "muro") as other:
+        collector = Collector(bus, scenario)
+        running = asyncio.create_task(collector.run())
+        await asyncio.sleep(0)
+        ratios = []
+        for name, v, omega in (("r1", 0.2, 0.3), ("r2", -0.45, 0.0), ("r1", 0.0, -1.2), ("r2", 0.1, 0.0)):
+            other.publisher(channels.CMD_VEL, name).put(VelocityCommand(v=v, omega=omega))
+            for _ in range(8):
+                await asyncio.sleep(0)
+            seen = collector.observed(duration=1.0, seed=1, ended="duration", restarts=0, processes={})
+            ratios.append(seen.command_ratio)
+        running.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await running
+    assert ratios == pytest.approx([0.4, 0.9, 0.9, 0.9])
 
 
 async def test_the_operator_s_view(lab: Lab) -> None:

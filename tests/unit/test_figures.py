@@ -6,6 +6,8 @@ import re
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -33,9 +35,16 @@ def one(out: Path, name: str, file_format: str = "png") -> bytes:
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_is_drawn(name: str, tmp_path: Path) -> None:
-    picture = one(tmp_path, name)
-    assert picture.startswith(b"\x89PNG")
-    assert len(picture) > 10_000, "nothing but white"
+    picture = cv2.imdecode(np.frombuffer(one(tmp_path, name), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    height, width = picture.shape
+    assert 550 < width < 1500  # 200 dots an inch; a journal's column to its page
+    assert 0.25 * width < height < 1.5 * width
+    assert 0.01 < (picture < 200).mean() < 0.5, "nothing but white, or hardly any"
+    # from edge to edge, not in a corner
+    rows, columns = np.nonzero(picture < 200)
+    assert rows.max() - rows.min() > 0.8 * height
+    assert columns.max() - columns.min() > 0.8 * width
 
 
 @pytest.mark.parametrize("name", ["seed000_fig4", "seed000_fig8"])

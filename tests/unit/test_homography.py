@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 
 from basestation.localization.homography import Homography
 from muro_zenoh.errors import ConfigError
@@ -85,6 +86,41 @@ def test_pixels_above_the_horizon_and_places_behind_the_camera_are_nowhere() -> 
     assert np.isnan(homography.to_metres(np.array([640.0, -600.0]))).all()
     assert np.isfinite(homography.to_metres(np.array([640.0, 700.0]))).all()
     assert np.isnan(homography.to_pixels(np.array([0.0, -30.0]))).all()
+
+
+def test_more_points_than_four_are_fitted_in_pixels() -> None:
+    """Pixels are what has the noise: a fit in metres would trust the far end of the floor as much as the near one."""
+    rng = np.random.default_rng(9)
+    grid = np.stack(np.meshgrid(np.linspace(-2.0, 2.0, 5), np.linspace(-1.4, 3.0, 6)), axis=-1).reshape(-1, 2)
+    exact = np.array(seen(tilted(0.8), grid))
+    pixels = exact[:, :2] + rng.normal(0.0, 1.0, (30, 2))
+    views = [View(*row) for row in np.column_stack((pixels, grid)).tolist()]
+
+    def error(entries: np.ndarray) -> np.ndarray:
+        h = np.column_stack((grid, np.ones(30))) @ np.append(entries, 1.0).reshape(3, 3).T
+        return (h[:, :2] / h[:, 2:] - pixels).ravel()
+
+    matrix = tilted(0.8)
+    best = least_squares(error, (matrix / matrix[2, 2]).ravel()[:8], x_scale="jac", xtol=1e-14, ftol=1e-14)
+    residual = math.sqrt(2.0 * best.cost / 30)
+    assert Homography.fit(views, camera="north").residual == pytest.approx(residual, rel=1e-4)
+
+
+@pytest.mark.parametrize("towards", [0.0, 1.0, 2.0, -2.5])
+def test_the_world_may_have_its_origin_behind_the_camera(towards: float) -> None:
+    """Behind it, or beside it: what the camera has before it is on the floor, and the origin is nowhere."""
+    corners = CORNERS + np.array([0.0, 4.0])
+    turn = np.array([[math.cos(towards), -math.sin(towards)], [math.sin(towards), math.cos(towards)]])
+    views = seen(tilted(1.0), corners)
+    behind = turn @ np.array([0.0, -9.0])  # from the camera's foot to the world's origin, in the world's axes
+    places = corners @ turn.T - behind
+    homography = Homography.fit(
+        [view._replace(x=x, y=y) for view, (x, y) in zip(views, places.tolist(), strict=True)], camera="north"
+    )
+    for view, place in zip(views, places, strict=True):
+        assert homography.to_metres(np.array([view.u, view.v])) == pytest.approx(place, abs=1e-4)
+        assert homography.to_pixels(place) == pytest.approx([view.u, view.v], abs=1e-2)
+    assert np.isnan(homography.to_pixels(np.zeros(2))).all()
 
 
 class TestRefusals:

@@ -221,6 +221,19 @@ def test_scales_are_frozen_at_rest() -> None:
     assert after.v == pytest.approx(0.0, abs=1e-3)
 
 
+def test_scales_that_change_are_followed() -> None:
+    """Wheels that wear, a floor that changes: a filter that is ever surer of its scales would keep the old ones."""
+    room = Room(21, drive_error=0.1)
+    room.run(40.0, circling)
+    room.plant.s_v[0] *= 0.95
+    room.plant.s_omega[0] *= 1.05
+    room.run(30.0, circling)
+    estimate = room.filter.at(room.now)
+    assert estimate is not None
+    assert estimate.s_v == pytest.approx(room.plant.s_v[0], abs=0.015)
+    assert estimate.s_omega == pytest.approx(room.plant.s_omega[0], abs=0.015)
+
+
 def test_straight_on_leaves_the_turning_scale_alone() -> None:
     room = Room(8)
     room.run(3.0, lambda t: (0.2, 0.0))

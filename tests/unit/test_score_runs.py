@@ -11,7 +11,7 @@ from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path, Segment
-from muro_zenoh.scoring.density import BINS, density_error
+from muro_zenoh.scoring.density import density_error
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.expectations import asked_of
 from muro_zenoh.scoring.goals import rests, score_goals, score_tracking
@@ -135,7 +135,7 @@ def test_a_density_that_is_kept_and_one_that_is_not() -> None:
     assert density_error(spread(7200, 0.75), CIRCLE, HALF) == pytest.approx(0.0, abs=2e-3)
     assert density_error(spread(7200, 0.5), CIRCLE, HALF) == pytest.approx(0.25, abs=2e-3)
     even = Importance.from_function(lambda angle: 1.0)
-    assert density_error([(2.0, -0.4)], CIRCLE, even) == pytest.approx(1 - 1 / BINS)
+    assert density_error([(2.0, -0.4)], CIRCLE, even) == pytest.approx(1 - 1 / 36)
     assert density_error([], CIRCLE, HALF) is None
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from basestation.fleet.kept_state import KeptState
 from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.errors import ConfigError, OrderRefused
@@ -130,6 +131,13 @@ async def test_stops_add_up() -> None:
     assert stopped(kept) == (False, ("r1", "r2"))
     await kept.add_stop(Stop())
     assert stopped(kept) == (True, ("r1", "r2"))
+
+
+async def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
+    kept = fresh()
+    await kept.add_stop(Stop())
+    await kept.add_stop(Stop(names=("r1",)))
+    assert stopped(kept) == (True, ("r1",))
 
 
 async def test_a_stop_of_a_robot_that_no_file_names_is_kept_too() -> None:
@@ -277,13 +285,69 @@ async def test_a_stop_that_was_kept_meanwhile_does_not_hide_one_that_a_robot_lat
     assert not kept.adopt("r2", reports(True, latched + 1))
 
 
-async def test_a_stop_that_was_lifted_is_not_adopted_again() -> None:
-    kept = fresh()
+@pytest.mark.parametrize("restarted", [False, True])
+async def test_a_stop_that_was_lifted_is_not_adopted_again(restarted: bool, tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
     await kept.add_stop(Stop())
     old = kept.stop.revision
     await kept.resume(Resume(revision=old))
+    if restarted:
+        kept = fresh(path)
     assert not kept.adopt("r1", reports(True, old, everybody=True))
+    assert not kept.adopt("r1", reports(True, old))
     assert stopped(kept) == (False, ())
+    assert kept.adopt("r1", reports(True, kept.stop.revision))  # at this revision it was stopped since
+    assert stopped(kept) == (False, ("r1",))
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+async def test_a_stop_kept_since_the_resume_hides_no_other_one_over_a_restart_either(
+    restarted: bool, tmp_path: Path
+) -> None:
+    """r1 received an operator's stop itself; before it has reported it, r2 is stopped, and the base station restarts."""
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.add_stop(Stop())
+    await kept.resume(Resume(revision=kept.stop.revision))
+    latched = kept.stop.revision
+    await kept.add_stop(Stop(names=("r2",)))
+    if restarted:
+        kept = fresh(path)
+    assert kept.adopt("r1", reports(True, latched))
+    assert stopped(kept) == (False, ("r1", "r2"))
+
+
+async def test_a_stop_latched_by_a_robot_that_received_no_state_is_adopted_whatever_was_lifted_before() -> None:
+    """Its agent started while no base station ran, and `muro stop` could name no revision."""
+    kept = fresh()
+    await kept.add_stop(Stop())
+    await kept.resume(Resume(revision=kept.stop.revision))
+    assert kept.adopt("r1", reports(True, 0))
+    assert stopped(kept) == (False, ("r1",))
+
+
+async def test_a_stop_by_name_that_is_adopted_does_not_make_one_to_everybody_smaller() -> None:
+    kept = fresh()
+    await kept.add_stop(Stop())
+    assert not kept.adopt("r1", reports(True, kept.stop.revision))
+    assert stopped(kept) == (True, ())
+    assert kept.adopt("r1", reports(True, kept.stop.revision + 3))
+    assert stopped(kept) == (True, ("r1",))
+
+
+@pytest.mark.parametrize("everybody", [False, True])
+async def test_a_newer_revision_is_taken_over_with_a_stop_that_is_kept_already(everybody: bool) -> None:
+    """Else no resume would be newer than what the robot knows."""
+    kept = fresh()
+    await kept.add_stop(Stop(names=() if everybody else ("r1",)))
+    assert kept.adopt("r1", reports(True, 40, everybody))
+    assert stopped(kept) == (everybody, () if everybody else ("r1",))
+    assert kept.stop.revision > 40
+    await kept.resume(Resume(revision=kept.stop.revision))
+    latch = StopLatch(heard=True, stopped=True, everybody=everybody, revision=40)
+    lifted = latch.hear("r1", everybody=kept.stop.all, names=kept.stop.names, revision=kept.stop.revision)
+    assert lifted.may_drive
 
 
 async def test_a_change_of_the_circle_does_not_lift_a_stop_that_robots_received_straight_from_an_operator() -> None:
@@ -365,6 +429,17 @@ async def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> 
     assert json.loads(path.read_text())["stop_all"] is True
     assert json.loads(path.read_text())["revision"] == kept.revision
     assert files_in(tmp_path) == ["state.json"]
+
+
+async def test_all_of_it_is_in_the_file_when_that_is_synced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a buffer still holds is lost with the power."""
+    synced: list[bytes] = []
+    monkeypatch.setattr(os, "fsync", lambda fd: synced.append(Path(f"/proc/self/fd/{fd}").read_bytes()))
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.add_stop(Stop(names=("r2",)))
+    assert [msgspec.json.decode(data, type=KeptState) for data in synced] == [kept.state]
+    assert path.read_bytes() == synced[0]
 
 
 async def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

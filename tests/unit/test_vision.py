@@ -6,10 +6,12 @@ import asyncio
 from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from contextlib import asynccontextmanager
+from typing import Any
 
 import numpy as np
 import pytest
 
+from basestation.localization.localizer import Localizer
 from basestation.localization.sightings import Sightings
 from basestation.station import Station
 from basestation.tasks.vision import cameras_on_bus
@@ -140,6 +142,32 @@ def test_frames_that_come_late_are_not_searched() -> None:
             assert [seen.frame for seen in watcher.seen] == ["good", "good", "stale"]
             assert watcher.seen[2].complaints == ("camera north: frames arrive 0.8 s late",)
             assert watcher.seen[2].robots == ()
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize(("late", "searched"), [(0.49, True), (0.51, False)])
+def test_a_frame_is_searched_up_to_half_a_second_after_its_time(
+    late: float, searched: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pictures = 0
+    locate = Localizer.locate
+
+    def counting(self: Localizer, grey: Any) -> Any:
+        nonlocal pictures
+        pictures += 1
+        return locate(self, grey)
+
+    monkeypatch.setattr(Localizer, "locate", counting)
+
+    async def main() -> None:
+        async with watched() as (room, watcher):
+            frames = room.publisher(channels.CAMERA, "north")
+            for delay in (0.0, late):
+                frames.put(picture(room.clock.now() - 0.05 - delay))
+                await asyncio.sleep(0.05)
+            assert [seen.frame for seen in watcher.seen] == ["good", "good" if searched else "stale"]
+            assert pictures == (2 if searched else 1)
 
     run_virtually(main())
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from muro_zenoh.behaviours.interface import Behaviour, Seen, Snapshot
+from muro_zenoh.behaviours.interface import Behaviour, Neighbour, Seen, Snapshot
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import STILL, Circle, State
 from muro_zenoh.planning.path import Path
@@ -26,23 +26,6 @@ class BehaviourRun(NamedTuple):
     pose: Array
     twist: Array
     paths: tuple[tuple[tuple[float, Path], ...], ...]
-
-
-class Robot(NamedTuple):
-    """One robot of a snapshot.
-
-    ``name``; ``x``, ``y`` [m, world], ``theta`` [rad] of the newest fix; ``v`` [m/s], ``omega`` [rad/s] of its
-    estimate; ``age`` of the fix [s]; ``state``.
-    """
-
-    name: str
-    x: float
-    y: float
-    theta: float
-    v: float
-    omega: float
-    age: float
-    state: str = "tracking"
 
 
 def run_behaviours(
@@ -114,11 +97,11 @@ def snapshot_of(fleet: Fleet, names: Sequence[str], states: Sequence[State]) -> 
     """
     fix = fleet.newest_fix
     if fix is None:
-        robots = [Robot(name, *state, 0.0) for name, state in zip(names, states, strict=True)]
+        robots = [Neighbour(name, *state, 0.0) for name, state in zip(names, states, strict=True)]
     else:
         places = zip(fix.x.tolist(), fix.y.tolist(), fix.theta.tolist(), strict=True)
         robots = [
-            Robot(name, *place, state.v, state.omega, fleet.fix_age)
+            Neighbour(name, *place, state.v, state.omega, fleet.fix_age)
             for name, place, state in zip(names, places, states, strict=True)
         ]
     return Snapshot(robots, fleet.time, 1, 0.0)

@@ -1,0 +1,199 @@
+"""Real agents and bases in virtual time: zero is commanded when it is due, and not with the next command."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from muro_zenoh import channels
+from muro_zenoh.channels import Role
+from muro_zenoh.messages import Estimate, Health, SetBehaviour, StopOrder, VelocityCommand
+from muro_zenoh.orders.stop import resume_robots, stop_robots
+from muro_zenoh.runtime.virtual_time import run_virtually
+from muro_zenoh.transport import Every
+from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+
+BETWEEN = (0.013, 0.031, 0.047)
+"""Times after a fix at which nothing else happens [s]."""
+
+OWN = """
+import asyncio
+
+SEEN = []
+
+async def once(robot):
+    robot.drive(0.2, 0.0)
+    await asyncio.sleep(60)
+
+async def on_and_off(robot):
+    while True:
+        for _ in range(10):
+            robot.drive(0.2, 0.0)
+            await asyncio.sleep(0.0497)
+        robot.hold("a pause")
+        SEEN.append(robot.now)
+        await asyncio.sleep(0.5)
+
+async def away(robot):
+    async for estimate in robot.estimates():
+        SEEN.append(estimate)
+        robot.drive(0.2 if abs(estimate.x) < 5.0 else -0.3, 0.0)
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The module ``lab_stops`` with the behaviours above."""
+    (tmp_path / "lab_stops.py").write_text(OWN)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "lab_stops", raising=False)
+
+
+@asynccontextmanager
+async def driving(robots: int = 1, behaviour: str = "circle") -> AsyncIterator[MemoryFleet]:
+    async with memory_fleet(scenario(robots, behaviour)) as fleet:
+        await fleet.until(lambda: len(fleet.driving) == robots, 3, "everybody drives")
+        yield fleet
+
+
+async def commands_of(fleet: MemoryFleet, name: str = "r1") -> Every[VelocityCommand]:
+    return (await fleet.bus()).every(channels.CMD_VEL, name, depth=1024)
+
+
+async def after_a_fix(fleet: MemoryFleet, pause: float) -> float:
+    """Wait until so long after a fix came in; the time."""
+    fixes = (await fleet.bus()).every(channels.POSE, "r1")
+    await fixes.next()
+    fixes.close()
+    await asyncio.sleep(pause)
+    return fleet.clock.now()
+
+
+@pytest.mark.parametrize("pause", BETWEEN)
+@pytest.mark.parametrize("by_name", [False, True])
+def test_a_stop_is_zero_and_is_reported_at_once(pause: float, by_name: bool) -> None:
+    async def main() -> None:
+        async with driving() as fleet:
+            operator = await fleet.bus(Role.OPERATOR)
+            order = operator.publisher(channels.STOP)
+            commands = await commands_of(fleet)
+            healths: Every[Health] = (await fleet.bus()).every(channels.HEALTH, "r1")
+            now = await after_a_fix(fleet, pause)
+            commands.drain(), healths.drain()
+            order.put(StopOrder(all=not by_name, names=("r1",) if by_name else (), revision=0))
+            await asyncio.sleep(0.001)
+            zeros = [received.message for received in commands.drain()]
+            assert zeros[0].stamp - now < 1e-3
+            assert {(zero.v, zero.omega) for zero in zeros} == {(0.0, 0.0)}
+            assert fleet.commanded("r1") == (0.0, 0.0)
+            health = healths.drain()[0].message
+            assert (health.stop_latched, health.stop_all, health.state) == (True, not by_name, "stopped")
+            assert health.stamp - now < 1e-3
+
+    run_virtually(main())
+
+
+def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
+    """The real command against the real agents; who is stopped stays so when another one is stopped besides."""
+
+    async def main() -> None:
+        async with driving(3) as fleet:
+            operator = await fleet.bus(Role.OPERATOR)
+            assert (await stop_robots(operator, ("r2",))).confirmed
+            assert fleet.driving == {"r1", "r3"}
+            assert (await stop_robots(operator, ())).confirmed
+            assert (await stop_robots(operator, ("r1",))).confirmed
+            await asyncio.sleep(1.0)
+            assert fleet.driving == set()
+            assert (await resume_robots(operator, ("r1",))).still_stopped == ()
+            await fleet.until(lambda: fleet.driving == {"r1"}, 0.5, "r1 alone drives")
+            assert (await resume_robots(operator, ())).still_stopped == ()
+            await fleet.until(lambda: len(fleet.driving) == 3, 0.5, "everybody drives")
+
+    run_virtually(main())
+
+
+def test_a_hold_is_zero_at_once(own: None) -> None:
+    async def main() -> None:
+        async with driving(behaviour="lab_stops:on_and_off") as fleet:
+            commands = await commands_of(fleet)
+            await asyncio.sleep(5.0)
+            held = sys.modules["lab_stops"].SEEN
+            zeros = [c.message.stamp for c in commands.drain() if (c.message.v, c.message.omega) == (0.0, 0.0)]
+            recent = [at for at in held if zeros[0] <= at <= zeros[-1]]
+            assert len(recent) >= 3
+            for at in recent:
+                assert min(abs(at - zero) for zero in zeros) < 1e-6
+
+    run_virtually(main())
+
+
+def test_a_silent_behaviour_drives_a_quarter_of_a_second_and_a_repetition(own: None) -> None:
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "hold")) as fleet:
+            await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
+            commands = await commands_of(fleet)
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="lab_stops:once"))
+            await asyncio.sleep(2.0)
+            sent = [(c.message.stamp, c.message.v) for c in commands.drain()]
+            driven = [at for at, v in sent if v]
+            assert driven[-1] - driven[0] <= 0.25
+            assert min(at for at, v in sent if not v and at > driven[0]) - driven[0] < 0.25 + 0.1 + 0.05
+            assert not fleet.dead_man("r1"), "zero is commanded, and goes on being so"
+
+    run_virtually(main())
+
+
+def test_zero_is_repeated_three_times_as_often_as_the_dead_man_needs() -> None:
+    """Without poses, without a behaviour that says anything: the base must not be left to its dead-man."""
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "hold"), agents=False) as fleet:
+            fleet.seeing = False
+            commands = await commands_of(fleet)
+            await fleet.start_agent("r1")
+            await asyncio.sleep(1.0)
+            states = (await fleet.bus()).every(channels.BASE, "r1", depth=1024)
+            await asyncio.sleep(5.0)
+            stamps = [c.message.stamp for c in commands.drain()]
+            assert max(b - a for a, b in zip(stamps, stamps[1:], strict=False)) < 0.2
+            assert not any(state.message.dead_man for state in states.drain())
+
+    run_virtually(main())
+
+
+def test_a_strangers_estimates_steer_no_behaviour(own: None) -> None:
+    async def main() -> None:
+        async with driving(behaviour="lab_stops:away") as fleet:
+            stranger = await fleet.bus(Role.AGENT)
+            estimates = stranger.publisher(channels.ESTIMATE, "r1")
+            seen: list[Estimate] = sys.modules["lab_stops"].SEEN
+            seen.clear()
+            commands = await commands_of(fleet)
+            for _ in range(100):
+                estimates.put(Estimate(x=9.0, y=9.0, theta=0.0, v=0.0, omega=0.0, covariance=(1e-6,) * 9))
+                await asyncio.sleep(0.01)
+            assert len(seen) >= 19
+            assert {estimate.epoch for estimate in seen}.isdisjoint({stranger.epoch})
+            assert min(c.message.v for c in commands.drain()) > 0.0
+
+    run_virtually(main())
+
+
+def test_a_robot_whose_poses_end_is_commanded_zero_0_4_s_after_the_last_capture() -> None:
+    async def main() -> None:
+        async with driving() as fleet:
+            fixes = (await fleet.bus()).every(channels.POSE, "r1", depth=1024)
+            commands = await commands_of(fleet)
+            fleet.seeing = False
+            await asyncio.sleep(1.0)
+            captured = max(f.message.stamp - f.message.age for f in fixes.drain())
+            driven = [c.message.stamp - captured for c in commands.drain() if c.message.v]
+            assert 0.4 - 0.075 - 0.01 < driven[-1] <= 0.4
+
+    run_virtually(main())
