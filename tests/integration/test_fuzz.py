@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
+import time
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
-from muro_zenoh.errors import NoReply
-from muro_zenoh.messages import Resume
+from muro_zenoh.messages import Health, Resume
 from muro_zenoh.orders.stop import resume_robots
 from muro_zenoh.runtime.virtual_time import run_virtually
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.transport.memory_link import MemoryLink
-from tests.support.fleet import RealFleet, real_fleet
+from tests.support.fleet import real_fleet
 from tests.support.fleet import stranger as session_of_a_stranger
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 from tests.support.stranger import Stranger
 
 ROBOTS = 5
+MESSAGES, DURATION = 41_000, 25.0
 SEED = 7
 RECOVERY = 3.0
 """After the last bad message and a resume every robot drives again within this time [s]."""
@@ -90,9 +92,61 @@ class TestInMemory:
 
 
 def _messages(fleet: MemoryFleet) -> tuple[int, int]:
-    """Received and rejected, by everybody's health numbers."""
+    """Received and rejected, by the newest health numbers of everybody."""
+    return _totals(received.message for received in fleet._healths.values().values())
+
+
+def _totals(healths: Iterable[Health]) -> tuple[int, int]:
     totals: Counter[str] = Counter()
-    for received in fleet._healths.values().values():
-        for key, value in received.message.numbers.items():
+    for health in healths:
+        for key, value in health.numbers.items():
             totals[key.rpartition("_")[2]] += int(value)
     return totals["received"], totals["rejected"]
+
+
+@pytest.mark.slow
+async def test_a_stranger_is_counted_and_forgotten_over_zenoh(tmp_path: Path) -> None:
+    """Real processes: router, simulator, base station with its camera, five agents."""
+    async with real_fleet(tmp_path, robots=ROBOTS) as fleet:
+        await fleet.until(fleet.driving, 10, "everybody drives")
+        pids = {name: process.pid for name, process in fleet.process.items()}
+        stranger, sent = Stranger(SEED), 0
+        session = session_of_a_stranger(fleet.endpoint)
+        try:
+            session.declare_subscriber(
+                "muro/**",
+                zenoh.handlers.Callback(
+                    lambda sample: stranger.hear(
+                        str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)
+                    ),
+                    indirect=False,
+                ),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+            await asyncio.sleep(2.0)
+            began = time.monotonic()
+            while sent < MESSAGES:
+                due = min(int((time.monotonic() - began) * MESSAGES / DURATION), MESSAGES)
+                for sent in range(sent + 1, due + 1):  # noqa: B020 - as many as are due by now
+                    message = stranger.next()
+                    if message.is_order:
+                        session.get(message.key, _ignore, payload=message.payload, encoding=message.encoding, timeout=1.0)
+                    else:
+                        session.put(message.key, message.payload, encoding=message.encoding)
+                await asyncio.sleep(0.005)
+        finally:
+            session.close()
+        received, rejected = _totals(fleet.health.values())
+
+        await resume_robots(fleet.bus, ())
+        since = time.monotonic()
+        await fleet.until(fleet.driving, RECOVERY, "every robot drives again")
+        print(f"sent {sent}, rejected {rejected} of {received}; drove again {time.monotonic() - since:.2f} s after")
+        assert {name: process.pid for name, process in fleet.process.items()} == pids
+        assert all(process.running for process in fleet.process.values())
+        assert rejected > 0.2 * sent
+        await fleet.ring(limit=60.0)
+
+
+def _ignore(reply: object) -> None:
+    """Replies to a stranger's orders."""
