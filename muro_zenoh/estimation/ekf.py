@@ -12,7 +12,6 @@ a rotation in theta, so those columns are exact in closed form.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 

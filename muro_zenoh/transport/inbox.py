@@ -27,7 +27,11 @@ log = logging.getLogger(__name__)
 T = TypeVar("T", bound=Message)
 
 _MAX_KEYS = 1024
-"""Keys that a mailbox of ``*`` remembers at most: a writer of ever new keys must not fill the memory."""
+"""Keys that a mailbox of ``*`` remembers at most: a writer of ever new keys must not fill the memory ..."""
+
+_SILENT = 60.0
+"""... nor keep others out for good: a key that has been silent for longer than this gives way to a new one [s]. While
+there is room, silence makes a mailbox forget nobody: the backlog that ends a long freeze would count as fresh."""
 
 Filed = tuple[bytes, str | None, float]
 """Payload, encoding, arrival."""
@@ -234,7 +238,7 @@ class Inbox(ABC, Generic[T]):
         if len(self._delays) >= _MAX_KEYS:
             raise MessageError(f"got a {_MAX_KEYS + 1}th writer's key, expected at most {_MAX_KEYS}")
 
-    def _forget(self, name: str) -> None:  # noqa: B027 - a mailbox that keeps nothing by name has nothing to drop
+    def _forget(self, name: str) -> None:
         """Drop what is known of a name."""
 
     def _notify(self) -> None:

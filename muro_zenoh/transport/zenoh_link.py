@@ -173,13 +173,12 @@ def _in_thread(function: Callable[..., R], *arguments: Any) -> asyncio.Future[R]
             settled(result)
 
     def work() -> None:
-        settled: Callable[[Any], None]
         try:
-            settled, result = done.set_result, function(*arguments)
+            outcome: tuple[Callable[[Any], None], Any] = done.set_result, function(*arguments)
         except BaseException as error:  # raised where it is awaited
-            settled, result = done.set_exception, error
+            outcome = done.set_exception, error
         with contextlib.suppress(RuntimeError):  # the loop may be closed by now
-            loop.call_soon_threadsafe(settle, settled, result)
+            loop.call_soon_threadsafe(settle, *outcome)
 
     threading.Thread(target=work, name="zenoh", daemon=True).start()
     return done

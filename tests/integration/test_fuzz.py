@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import time
 from collections import Counter
@@ -23,6 +24,8 @@ from tests.support.fleet import real_fleet
 from tests.support.fleet import stranger as session_of_a_stranger
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 from tests.support.stranger import Stranger
+
+log = logging.getLogger(__name__)
 
 ROBOTS = 5
 MESSAGES, DURATION = 41_000, 25.0
@@ -58,7 +61,7 @@ class TestInMemory:
                 task.cancel()
             await asyncio.wait({collecting, *asking})
             received, rejected = (after - b for after, b in zip(_messages(fleet), before, strict=True))
-            print(f"seed {seed}: sent {sent}, rejected {rejected} of {received}, {dict(stranger.made)}")
+            log.info("seed %d: sent %d, rejected %d of %d, %s", seed, sent, rejected, received, dict(stranger.made))
             assert sent > 4000
 
     async def _flood(self, fleet: MemoryFleet, link: MemoryLink, stranger: Stranger, asking: set[asyncio.Task[bytes | None]]) -> int:
@@ -85,7 +88,7 @@ class TestInMemory:
             return len(fleet.driving) == ROBOTS and len(moved) == ROBOTS
 
         took = await fleet.until(driving, RECOVERY, "every robot drives again")
-        print(f"recovered in {took:.2f} s")
+        log.info("recovered in %.2f s", took)
         await asyncio.sleep(20.0)
         assert max(fleet.radius_error(name) for name in fleet.scenario.robots) < 0.1
         assert fleet.spacing_error() < 0.5
@@ -127,12 +130,14 @@ async def test_a_stranger_is_counted_and_forgotten_over_zenoh(tmp_path: Path) ->
             began = time.monotonic()
             while sent < MESSAGES:
                 due = min(int((time.monotonic() - began) * MESSAGES / DURATION), MESSAGES)
-                for sent in range(sent + 1, due + 1):  # noqa: B020 - as many as are due by now
+                for _ in range(due - sent):
                     message = stranger.next()
+                    content = {"payload": message.payload, "encoding": message.encoding}
                     if message.is_order:
-                        session.get(message.key, _ignore, payload=message.payload, encoding=message.encoding, timeout=1.0)
+                        session.get(message.key, _ignore, **content, timeout=1.0)
                     else:
-                        session.put(message.key, message.payload, encoding=message.encoding)
+                        session.put(message.key, **content)
+                sent = due
                 await asyncio.sleep(0.005)
         finally:
             session.close()
@@ -141,7 +146,8 @@ async def test_a_stranger_is_counted_and_forgotten_over_zenoh(tmp_path: Path) ->
         await resume_robots(fleet.bus, ())
         since = time.monotonic()
         await fleet.until(fleet.driving, RECOVERY, "every robot drives again")
-        print(f"sent {sent}, rejected {rejected} of {received}; drove again {time.monotonic() - since:.2f} s after")
+        took = time.monotonic() - since
+        log.info("sent %d, rejected %d of %d; drove again after %.2f s", sent, rejected, received, took)
         assert {name: process.pid for name, process in fleet.process.items()} == pids
         assert all(process.running for process in fleet.process.values())
         assert rejected > 0.2 * sent

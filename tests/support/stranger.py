@@ -18,7 +18,7 @@ _HUGE = (2**31, 2**52, 2**53 - 1, 2**53, 2**63, 2**64 - 1)
 _STAMPS = (1e300, 1e18, 1e12, 9.9e11, 1e10, 5e-324, 1e-9, 0.0, -1.0, -1.7e9, -1e300)
 _LEAPS = (0.01, 0.03, 0.1, 0.2, 0.3, 0.45, 0.6, 1.0, 2.0, 40.0, 3600.0, 1e6)
 _LARGE = 65536
-_ENCODINGS = ("application/msgpack;Goal.1", "application/msgpack;PoseFix.2", "text/plain", "application/json", "zenoh/bytes")
+_ENCODINGS = ("application/msgpack;Goal.1", "application/msgpack;PoseFix.2", "text/plain", "zenoh/bytes")
 
 _ORDERS: tuple[tuple[channels.Verb[Any], str, Message], ...] = (
     (channels.GOAL_ORDER, "r1", Goal(stamp=1.7e9, x=1.0, y=1.0, theta=0.5)),
@@ -78,7 +78,7 @@ class Stranger:
     @property
     def keys(self) -> list[str]:
         """The keys heard so far."""
-        return sorted(list(self._heard))  # a copy at once: another thread may be adding to it
+        return sorted(self._heard.copy())  # a copy at once: another thread may be adding to it
 
     def next(self) -> Sent:
         """The next message."""
