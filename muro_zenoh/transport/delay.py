@@ -26,8 +26,8 @@ _MOST_WRITERS = 4
 
 _SPANS = 5
 
-_SPAN = 0.05
-"""The shortest span [s]: five of them are a quarter of a second, and a burst is a single one."""
+_SPAN = 0.04
+"""The shortest span [s]: a burst is a single one, and each message at 20 Hz is one of its own."""
 
 _AGREE = 0.1
 """Spans agree when their offsets are no farther apart than this; a stamp that is this far back has gone back [s]."""
@@ -150,8 +150,6 @@ class _Window:
         elif not self.confirmed:
             if high - self._least <= _AGREE:
                 self._begin_anew(high)
-        elif high < self._least - _AGREE:
-            self._begin_anew(high)
         elif high < self._newer:
             self._newer = high
             self._least = min(high, self._older)
