@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -46,6 +47,9 @@ _INTENT_TIMEOUT = 0.25
 
 _FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
 
+_FASTEST = 4.0
+"""Wheels that report more than this multiple of what is ever commanded report nonsense."""
+
 
 class Surroundings(NamedTuple):
     """What was received from other processes, at one moment: the ``circle``; the ``speed`` on ``velocity/<name>``
@@ -72,6 +76,7 @@ class ControlLoop:
         changed: whether the latch or the reasons have changed; the health report clears it.
         fixes: number of accepted fixes since the start.
         commands: number of commands sent since the start.
+        refused: number of fixes and odometry messages that were refused since the start, by reason.
         pose_ages: for each accepted fix, the time from capture to the estimate that used it [s]; the health report
             clears it.
     """
@@ -83,6 +88,7 @@ class ControlLoop:
         self.changed = False
         self.fixes = 0
         self.commands = 0
+        self.refused: Counter[str] = Counter()
         self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
@@ -116,7 +122,10 @@ class ControlLoop:
         if self._ended:
             return []
         for t, v, omega in odometry:
-            self._filter.twist(t, v, omega)
+            if self._is_possible(now, t, v, omega):
+                self._filter.twist(t, v, omega)
+            else:
+                self.refused["odometry"] += 1
         for captured, fix in fixes:
             self._take(now, captured, fix)
         out: Outgoing = []
@@ -168,7 +177,7 @@ class ControlLoop:
         before = self.latch
         self.latch = before.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
         self.changed |= self.latch != before
-        if order.revision >= self.latch.revision:
+        if order.revision == self.latch.revision:
             self._stopped_names = frozenset(order.names)
         out: Outgoing = []
         if not self.latch.may_drive and not self._ended:
@@ -189,12 +198,25 @@ class ControlLoop:
     # ---- from fix to state
 
     def _take(self, now: float, captured: float, fix: PoseFix) -> None:
+        if not now - _FILTER.history <= captured <= now:
+            self.refused["fix untimely"] += 1
+            return
         result = self._filter.fix(captured, fix.x, fix.y, fix.theta, fix.covariance)
         if result.accepted:
             self.fixes += 1
             self.pose_ages.append(now - captured)
+        else:
+            self.refused[f"fix {result.reason}"] += 1
         if result.restarted:
             log.warning("the fixes disagree with the track: restarting the filter at (%.2f, %.2f)", fix.x, fix.y)
+
+    def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
+        """Whether an odometry is of about now, and of wheels that these could be."""
+        return (
+            now - _FILTER.history <= t <= now
+            and abs(v) <= _FASTEST * self._robot.v_max
+            and abs(omega) <= _FASTEST * self._robot.omega_max
+        )
 
     def _look(self, now: float, estimate: PoseEstimate, around: Surroundings) -> Seen:
         return Seen(

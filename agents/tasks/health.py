@@ -57,6 +57,7 @@ async def report_health(
                     "fixes": loop.fixes,
                     "commands": loop.commands,
                     "command_rate_hz": round(rate, 1),
+                    **{f"refused_{what.replace(' ', '_')}": count for what, count in loop.refused.items()},
                     **bus.numbers(),
                 },
                 samples=samples,

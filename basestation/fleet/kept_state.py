@@ -15,7 +15,7 @@ from muro_zenoh.config import Scenario, check_settings
 from muro_zenoh.errors import ConfigError, OrderRefused, ParameterError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Name, Resume, SetBehaviour, SetCircle, Value
-from muro_zenoh.safety.stop import MOST_REVISION
+from muro_zenoh.safety.stop import FAR, MOST_REVISION
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,8 +87,11 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         new = self
         if self.circle != scenario.circle and not _has_room(self.circle, scenario):
             new = new._changed(circle=scenario.circle)
+        if new._next_revision(0) > MOST_REVISION:
+            # No robot would believe it. A new count is far behind whatever they have received, and so it is newer.
+            new = msgspec.structs.replace(new, revision=1, stop_revision=1)
         missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
-        return new._changed(behaviour={**self.behaviour, **missing}) if missing else new
+        return new._changed(behaviour={**new.behaviour, **missing}) if missing else new
 
     # ---- orders
 
@@ -138,7 +141,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Args:
             names: the robots to stop.
             everybody: stop all robots.
-            above: its revision is above this one, too.
+            above: its revision is above this one, too, unless that is far ahead.
         """
         return self._stopping(self.stop_all or everybody, {*self.stop_names, *names}, above)
 
@@ -173,7 +176,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             This very state when there is nothing new.
         """
         known = self.stop_revision
-        latched = health.stop_revision if health.stop_revision <= MOST_REVISION else known
+        latched = health.stop_revision if self._is_near(health.stop_revision) else known
         # At revision 0 it has received no state since it started, so it cannot have missed a resume either.
         if health.stop_latched and (latched >= self.lifted_revision or latched == 0):
             already = self.stop_all or (not health.stop_all and name in self.stop_names)
@@ -210,7 +213,12 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return msgspec.structs.replace(self, revision=self._next_revision(0), **fields)
 
     def _next_revision(self, above: int) -> int:
-        return max(self.revision, self.stop_revision, above if above <= MOST_REVISION else 0) + 1
+        return max(self.revision, self.stop_revision, above if self._is_near(above) else 0) + 1
+
+    def _is_near(self, revision: int) -> bool:
+        """Whether somebody else's revision may be of this count; the robots take any of ours for newer than one that is
+        far ahead of it."""
+        return revision < max(self.revision, self.stop_revision) + FAR
 
 
 def _fleet(scenario: Scenario, names: Iterable[str]) -> list[Vehicle]:

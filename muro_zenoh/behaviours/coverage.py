@@ -37,6 +37,9 @@ _OUTSIDE = 1.0
 
 _SHOW_PERIOD = 1.0
 
+_WENT_BACK = 1.0
+"""Snapshots whose stamps go back by more than this begin a new sequence [s]."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:
@@ -113,7 +116,8 @@ class Coverage(Behaviour):
 
     def _look(self, snapshot: Snapshot, seen: Seen) -> ShownCell | None:
         now = snapshot.stamp
-        if snapshot.epoch != self._epoch:  # the clock of a restarted base station may be behind
+        # The clock of a restarted base station may be behind; and a stamp far ahead was not the base station's.
+        if snapshot.epoch != self._epoch or now < self._stamp - _WENT_BACK:
             self._epoch, self._round = snapshot.epoch, Round()
             self._stamp = self._shown_at = -math.inf
         if now <= self._stamp:

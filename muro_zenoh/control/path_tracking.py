@@ -77,6 +77,10 @@ def frenet_law(lateral: Scalar, dtheta: Scalar, curvature: Scalar, v: Scalar, ga
     return omega
 
 
+_TURN = 0.9 * math.pi
+"""Beyond half a turn the far side of a tight arc is nearer than the point beside the robot [rad]."""
+
+
 class PathError(NamedTuple):
     """Where a robot is relative to a path.
 
@@ -101,9 +105,10 @@ def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: fl
         pose: the robot's pose [world].
         s: the distance along the path at the previous step [m]; 0 at first.
         behind: how far back to search for the nearest point [m].
-        ahead: how far forward to search [m]; more than a robot drives in one step, less than half a turn on the path.
+        ahead: how far forward to search [m]; more than a robot drives in one step. Neither way further than the path
+            takes to turn by :data:`_TURN`.
     """
-    s = path.project(pose.x, pose.y, s - behind, s + ahead)
+    s = path.project(pose.x, pose.y, s - path.reach(s, -behind, _TURN), s + path.reach(s, ahead, _TURN))
     there = path.pose_at(s)
     dx, dy = pose.x - there.x, pose.y - there.y
     lateral = math.cos(there.theta) * dy - math.sin(there.theta) * dx

@@ -12,7 +12,6 @@ a rotation in theta, so those columns are exact in closed form.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -383,12 +382,22 @@ def start(fix: Fix, settings: FilterSettings, s_v: Any = None, s_omega: Any = No
     return mean, cov
 
 
-def is_positive_definite(fix: Fix) -> bool:
-    """Whether a fix's covariance is one: finite and positive definite. Plain floats only.
+_LEAST_VARIANCE, _GREATEST_VARIANCE = 1e-12, 1e6
+_LEAST_INDEPENDENCE = 1e-6
+
+
+def is_covariance(fix: Fix) -> bool:
+    """Whether a fix's covariance is one that can be calculated with: positive definite, by more than the floats'
+    rounding, and between a micrometre and a kilometre. Plain floats only.
 
     Args:
         fix: the measured pose.
     """
     minor = fix.xx * fix.yy - fix.xy * fix.xy
     det = fix.tt * minor - fix.xx * fix.yt * fix.yt - fix.yy * fix.xt * fix.xt + 2.0 * fix.xy * fix.xt * fix.yt
-    return math.isfinite(det) and fix.xx > 0.0 and minor > 0.0 and det > 0.0
+    area = fix.xx * fix.yy
+    return (
+        all(_LEAST_VARIANCE <= variance <= _GREATEST_VARIANCE for variance in (fix.xx, fix.yy, fix.tt))
+        and minor >= _LEAST_INDEPENDENCE * area
+        and det >= _LEAST_INDEPENDENCE * area * fix.tt
+    )

@@ -121,7 +121,7 @@ class PoseFilter:
             cov9: covariance of (x, y, theta), row-major, nine floats [m^2, m rad, rad^2]; its upper triangle is read.
         """
         fix = Fix(x, y, theta, cov9[0], cov9[1], cov9[2], cov9[4], cov9[5], cov9[8])
-        if not ekf.is_positive_definite(fix):
+        if not ekf.is_covariance(fix):
             return FixResult(False, "bad covariance", math.nan, False)
         anchors = self._anchors
         if not anchors:

@@ -40,13 +40,13 @@ class WheelTrack:
         limits: the robot's wheels, for the times that odometry does not cover.
     """
 
-    __slots__ = ("_commands", "_knots", "_limits", "_modelled", "_settings")
+    __slots__ = ("_commands", "_knots", "_limits", "_measured", "_settings")
 
     def __init__(self, settings: FilterSettings, limits: WheelLimits) -> None:
         self._settings = settings
         self._limits = limits
         self._knots: list[Timed] = []
-        self._modelled = 0  # how many of the newest knots came from the model
+        self._measured = -math.inf  # time of the newest odometry; the knots after it came from the model
         self._commands: list[Timed] = []
 
     @property
@@ -63,12 +63,11 @@ class WheelTrack:
             v: forward speed of the nominal wheels [m/s].
             omega: turning speed of the nominal wheels [rad/s].
         """
-        while self._modelled and self._knots[-1][0] >= t:
-            self._knots.pop()
-            self._modelled -= 1
-        if self._knots and t <= self._knots[-1][0]:
+        if t <= self._measured:
             return
-        self._modelled = 0
+        while self._knots and self._knots[-1][0] >= t:  # from the model, and this one knows better
+            self._knots.pop()
+        self._measured = t
         self._file((t, v, omega))
 
     def command(self, t: float, v: float, omega: float) -> None:
@@ -84,11 +83,9 @@ class WheelTrack:
             return
         if not self._knots:
             self._file((t, 0.0, 0.0))
-            self._modelled = 1
         elif t - self._knots[-1][0] > self._settings.odometry_timeout:
             for knot in self._ahead(t):
                 self._file(knot)
-                self._modelled += 1
         self._commands.append((t, v, omega))
         oldest = t - self._settings.history
         if len(self._commands) > _MOST_COMMANDS or self._commands[0][0] < oldest:
@@ -113,9 +110,11 @@ class WheelTrack:
         Args:
             t: the earliest time that will be asked for [s, local clock].
         """
-        needless = bisect_right(self._knots, (t, math.inf, math.inf)) - 1
+        # The newest odometry stays: later odometry may take the place of all that the model has added to it.
+        oldest = min(t, self._measured) if self._measured > -math.inf else t
+        needless = bisect_right(self._knots, (oldest, math.inf, math.inf)) - 1
         if needless > 0:
-            del self._knots[: min(needless, len(self._knots) - 1 - self._modelled)]
+            del self._knots[:needless]
 
     def walk(self, start: float, end: float) -> tuple[list[Piece], tuple[float, float]]:
         """The arcs from ``start`` to ``end``, and the speeds there; zero when nothing was ever received.

@@ -12,8 +12,10 @@ from muro_zenoh.messages.base import (
     Value,
 )
 from muro_zenoh.messages.codec import (
+    MAX_PAYLOAD,
     VERSION,
     check_encoding,
+    check_size,
     decode,
     decoder,
     encode,
@@ -50,6 +52,7 @@ from muro_zenoh.messages.telemetry import (
 )
 
 __all__ = [
+    "MAX_PAYLOAD",
     "VERSION",
     "BaseState",
     "Behaviour",
@@ -81,6 +84,7 @@ __all__ = [
     "Value",
     "VelocityCommand",
     "check_encoding",
+    "check_size",
     "decode",
     "decoder",
     "encode",

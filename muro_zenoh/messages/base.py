@@ -1,4 +1,4 @@
-"""The base of every message, and the check that all its numbers are finite."""
+"""The base of every message, and the check that its numbers can be calculated with."""
 
 from __future__ import annotations
 
@@ -36,6 +36,10 @@ def require_names(names: tuple[str, ...]) -> None:
             raise ValueError(f"name: got {name!r}, expected lower-case letters, digits and _, at most 32")
 
 
+LARGEST = 1e12
+"""Greater numbers are refused: nothing here is so far away, so old or so fast, and the square of one that is overflows
+in the midst of a law."""
+
 Value = bool | int | float | str | tuple[float | str | tuple[float, ...], ...]
 """The type of a behaviour's parameter."""
 
@@ -55,14 +59,14 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         scalars, vectors, others = _number_fields(type(self))
-        total = sum(scalars(self))
+        length = math.hypot(*scalars(self))
         for name in vectors:
-            total = sum(getattr(self, name), total)
-        # One sum tests all numbers; only if it is not finite is the field searched for.
-        if not math.isfinite(total):
+            length = math.hypot(length, *getattr(self, name))
+        # One call tests all numbers, NaN and the infinities too; only if it fails is the field searched for.
+        if not length <= LARGEST:
             others = tuple(field.name for field in msgspec.structs.fields(type(self)))
         for name in others:
-            require_finite(name, getattr(self, name))
+            require_usable(name, getattr(self, name))
 
 
 @cache
@@ -90,22 +94,22 @@ def _holds_float(annotation: Any) -> bool:
     return annotation is float or any(_holds_float(part) for part in get_args(annotation))
 
 
-def require_finite(field: str, value: Any) -> None:
-    """Refuse NaN and infinities in a value and in its items.
+def require_usable(field: str, value: Any) -> None:
+    """Refuse NaN, the infinities and numbers beyond :data:`LARGEST`, in a value and in what it holds.
 
     Args:
         field: the value's name, for the error.
         value: a number, or a tuple or dict of values; other types pass.
 
     Raises:
-        ValueError: a number is not finite.
+        ValueError: a number is none of these.
     """
     if isinstance(value, float):
-        if not math.isfinite(value):
-            raise ValueError(f"{field}: got {value}, expected a finite number")
+        if not abs(value) <= LARGEST:
+            raise ValueError(f"{field}: got {value}, expected a finite number, of at most {LARGEST:g}")
     elif isinstance(value, tuple):
         for item in value:
-            require_finite(field, item)
+            require_usable(field, item)
     elif isinstance(value, dict):
         for key, item in value.items():
-            require_finite(f"{field}.{key}", item)
+            require_usable(f"{field}.{key}", item)

@@ -17,6 +17,12 @@ from muro_zenoh.messages.base import Message
 VERSION = 1
 """Version of all message layouts; it is part of the encoding, as in ``application/msgpack;PoseFix.1``."""
 
+MAX_PAYLOAD = 8 * 2**20
+"""A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
+
+LAST_STAMP = 1e11
+"""A later one is no time [s since 1970]: the year is 5138."""
+
 M = TypeVar("M", bound=Message)
 
 
@@ -33,7 +39,7 @@ def decode(data: bytes, kind: type[M]) -> M:
 
     Raises:
         MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
-            a number that is not finite, no stamp.
+            a number that is not finite or absurdly large, no stamp or one that is no time.
     """
     message: M = decoder(kind)(data)
     return message
@@ -53,11 +59,24 @@ def decoder(kind: type[M]) -> Callable[[bytes], M]:
             message: M = raw(data)
         except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
             raise MessageError(f"{kind.__name__}: {error}") from error
-        if not message.stamp > 0.0:
+        if not 0.0 < message.stamp <= LAST_STAMP:
             raise MessageError(f"{kind.__name__}: got stamp {message.stamp!r}, expected seconds since 1970")
         return message
 
     return decode_it
+
+
+def check_size(payload: bytes) -> None:
+    """Refuse more than any message needs, before it is decoded.
+
+    Args:
+        payload: the bytes.
+
+    Raises:
+        MessageError: there are more than :data:`MAX_PAYLOAD`.
+    """
+    if len(payload) > MAX_PAYLOAD:
+        raise MessageError(f"got {len(payload)} bytes, expected at most {MAX_PAYLOAD}")
 
 
 def encoding_of(kind: type[Message]) -> str:

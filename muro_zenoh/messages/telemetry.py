@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, Struct
 
 from muro_zenoh import geometry
-from muro_zenoh.messages.base import Covariance, Message, require_finite, require_names
+from muro_zenoh.messages.base import LARGEST, Covariance, Message, require_names, require_usable
 
 
 class Frame(Message, frozen=True, kw_only=True):
@@ -103,10 +103,10 @@ class FleetSnapshot(Message, frozen=True, kw_only=True):
         # Every agent decodes this at each frame. A pattern on the name and a check in each robot would take three times
         # as long as the rest of the decoding.
         require_names(tuple(map(_NAME, self.robots)))
-        if not math.isfinite(sum(chain.from_iterable(map(_NUMBERS, self.robots)))):
+        if not math.hypot(*chain.from_iterable(map(_NUMBERS, self.robots))) <= LARGEST:
             for robot in self.robots:
                 for field, value in zip(_NUMBER_FIELDS, _NUMBERS(robot), strict=True):
-                    require_finite(f"robots.{robot.name}.{field}", value)
+                    require_usable(f"robots.{robot.name}.{field}", value)
 
 
 class SpeedReference(Message, frozen=True, kw_only=True):

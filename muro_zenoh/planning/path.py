@@ -103,6 +103,29 @@ class Path:
         """
         return self.segments[self._segment_at(s)].curvature if self.segments else 0.0
 
+    def reach(self, s: float, distance: float, turn: float) -> float:
+        """How far along the path one gets from a point before it has turned by an angle [m].
+
+        Args:
+            s: where on the path [m].
+            distance: how far at most [m]; below 0: backwards.
+            turn: the angle, left and right turns added up [rad].
+        """
+        low, high = min(s, s + distance), max(s, s + distance)
+        pieces = [
+            (min(high, self.distances[k + 1]) - max(low, self.distances[k]), abs(segment.curvature))
+            for k, segment in enumerate(self.segments)
+        ]
+        reached = 0.0
+        for length, curvature in pieces if distance >= 0.0 else reversed(pieces):
+            if length <= 0.0:
+                continue
+            if length * curvature > turn:
+                return reached + turn / curvature
+            turn -= length * curvature
+            reached += length
+        return abs(distance)
+
     def sample(self, step: float) -> Iterator[Pose2]:
         """Poses along the path [world], evenly spaced, both ends included.
 

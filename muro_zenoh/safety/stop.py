@@ -11,6 +11,23 @@ MOST_REVISION: Final = 2**53
 If it were accepted, no later order could lift the stop."""
 
 
+FAR: Final = 2**20
+"""Two revisions this far apart are of different counts: no robot misses a million orders."""
+
+
+def is_newer(revision: int, than: int) -> bool:
+    """Whether an order is newer than another one.
+
+    One that is far behind is: whoever said the other one, a base station before its file was lost or a stranger, does
+    not count any more, and what he said must not keep today's orders from being obeyed.
+
+    Args:
+        revision: of the order.
+        than: the other's revision.
+    """
+    return revision > than or revision <= than - FAR
+
+
 @dataclass(frozen=True, slots=True)
 class StopLatch:
     """A robot's stop state. A robot that has received no order since it started must not drive.
@@ -43,11 +60,12 @@ class StopLatch:
         """
         if revision > MOST_REVISION:
             revision = 0
-        newest = max(self.revision, revision)
+        newer = revision > 0 and is_newer(revision, self.revision)
+        newest = revision if newer else max(self.revision, 0)
         if all_robots or me in names:
             # A newer order is the whole state: one that names some robots replaces an order to all.
-            return StopLatch(True, True, all_robots or (self.all_robots and revision <= self.revision), newest)
-        if revision > 0 and (revision > self.revision or not self.received):
+            return StopLatch(True, True, all_robots or (self.all_robots and not newer), newest)
+        if newer or (revision > 0 and not self.received):
             return StopLatch(True, False, False, newest)
         return StopLatch(self.received, self.stopped, self.all_robots, newest)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 from collections.abc import Mapping
 from typing import Final
@@ -15,12 +16,18 @@ from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
 from muro_zenoh.scoring.expectations import expectations_of
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
-from muro_zenoh.scoring.reports import AgentReports, SimulatorReports
+from muro_zenoh.scoring.reports import AgentReports, SimulatorReports, keep_newest
 from muro_zenoh.scoring.sheet import ProcessUse
 from muro_zenoh.transport import Bus, Every
 
+log = logging.getLogger(__name__)
+
 TRUTH_TIMEOUT: Final = 0.5
 """Maximum age of a truth message [s]; the simulator sends 20 a second."""
+
+_MOST_PATHS: Final = 10_000
+_MOST_SAMPLES: Final = 24 * 36_000
+"""Of a run that is longer than a day the last day is judged."""
 
 _CIRCLING: Final = 10.0
 """Calibrations are evaluated after this time on the circle [s]."""
@@ -149,6 +156,7 @@ class Collector:
             self._seen.update(robot.name for robot in snapshot.message.robots)
         if self._began is not None:
             self._samples.append(self.latest)
+            keep_newest(self._samples, _MOST_SAMPLES)
             self._note_circling(self.latest)
 
     @property
@@ -178,9 +186,16 @@ class Collector:
     async def _collect_paths(self) -> None:
         async for received in self._paths:
             m = received.message
-            if received.name in self._planned:
+            planned = self._planned.get(received.name)
+            if planned is None:
+                continue
+            try:
                 path = Path(Pose2(m.x, m.y, m.theta), tuple(Segment(*segment) for segment in m.segments))
-                self._planned[received.name].append(Planned(self.elapsed, path))
+            except ValueError as error:
+                log.warning("%s published no path: %s", received.name, error)
+                continue
+            planned.append(Planned(self.elapsed, path))
+            keep_newest(planned, _MOST_PATHS)
 
     async def _collect_commands(self, commands: Every[VelocityCommand]) -> None:
         async for received in commands:

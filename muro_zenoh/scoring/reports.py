@@ -3,8 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from muro_zenoh.messages import Health
+
+T = TypeVar("T")
+
+
+_MOST_MEASUREMENTS = 1_000_000
+"""Of thirty robots with a camera at 20 Hz these are the last half hour."""
+
+
+def keep_newest(items: list[T], most: int) -> None:
+    """Drop the oldest items of a list that has grown to twice as many as are kept.
+
+    Args:
+        items: the list.
+        most: how many are kept.
+    """
+    if len(items) >= 2 * most:
+        del items[:-most]
 
 
 @dataclass(slots=True)
@@ -86,8 +104,9 @@ class AgentReports:
             # The process was restarted after the beginning: the whole report counts.
             count = self._fixes[name] = FixCount(first_epoch, 0.0, self._began)
         count.add(health)
-        self.pose_age += health.samples.get("pose_age_s", ())
-        self.pose_to_command += health.samples.get("pose_to_command_s", ())
+        for key, collected in (("pose_age_s", self.pose_age), ("pose_to_command_s", self.pose_to_command)):
+            collected += health.samples.get(key, ())
+            keep_newest(collected, _MOST_MEASUREMENTS)
 
     def fix_rate(self, name: str) -> float | None:
         """Reported accepted fixes per second of scenario time [Hz].

@@ -97,7 +97,7 @@ class Bus:
             self._own_keys.add(key)
             # Mailboxes of `*` that were declared first get the new key's messages too.
             readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
-        publisher: Publisher[T] = Publisher(key, link, readers, self.clock, self.epoch)
+        publisher: Publisher[T] = Publisher(key, link, readers, self.clock, self.epoch, self.counters[channel.word])
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
         return publisher
@@ -125,7 +125,8 @@ class Bus:
     def _slot(self, channel: Channel[T], name: str) -> Slot[T]:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
-        return Slot(channel.kind, prefix, self.clock, self._loop, counters, key_of(self.realm, channel, name))
+        where = key_of(self.realm, channel, name)
+        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()
@@ -266,13 +267,9 @@ class Bus:
         now = self.clock.now()
         numbers: dict[str, float] = {}
         for word, c in self.counters.items():
-            if not c.received:
-                continue
-            numbers[f"{word}_received"] = c.received
-            if c.dropped:
-                numbers[f"{word}_dropped"] = c.dropped
-            if c.rejected:
-                numbers[f"{word}_rejected"] = c.rejected
+            for what in ("received", "dropped", "rejected", "late", "unsent"):
+                if count := getattr(c, what):
+                    numbers[f"{word}_{what}"] = count
             if c.arrival:
                 numbers[f"{word}_age_s"] = round(now - c.arrival, 4)
                 numbers[f"{word}_delay_s"] = round(c.delay, 4)

@@ -1,8 +1,16 @@
 """How late a message is, when no two clocks agree.
 
-Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the shortest
-time that the path took. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is
-late by that measure, though it has just arrived.
+Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the quickest way
+through. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is late by that
+measure, though it has just arrived.
+
+No message alone moves that measure, or one wrong stamp would make every later message late for good. It is learned from
+_SPANS spans of time in a row, each with a message, and each counted at its latest one:
+
+* It falls to what all of these came up to. A stamp so far ahead that no way through could have shrunk by that much is
+  not believed until then; it may be a clock that was set forward.
+* It rises, besides the little that clocks drift, only when stamps have gone back and the messages since agree with each
+  other: a clock was set back. Lateness alone never makes it rise, however long it lasts.
 """
 
 from __future__ import annotations
@@ -16,6 +24,17 @@ _DRIFT = 0.03
 
 _MOST_WRITERS = 4
 
+_SPANS = 5
+
+_SPAN = 0.04
+"""The shortest span [s]: a burst is a single one, and each message at 20 Hz is one of its own."""
+
+_AGREE = 0.1
+"""Spans agree when their offsets are no farther apart than this; a stamp that is this far back has gone back [s]."""
+
+LEAP = 0.5
+"""No way through shrinks by more than this from one message to the next [s]."""
+
 
 class DelayTracker:
     """The least (arrival - stamp) of each writer of one key.
@@ -24,54 +43,118 @@ class DelayTracker:
     overlaps), each has a clock of its own; the four heard last are remembered.
 
     Attributes:
-        least: the least (arrival - stamp) of the writer heard last [s]; infinite before the first message.
+        least: the least (arrival - stamp) of the writer heard last, its last message included [s]; infinite before
+            the first one.
+        heard: when the last message came [s, our clock].
     """
 
-    __slots__ = ("_epoch", "_last", "_writers", "least")
+    __slots__ = ("_epoch", "_last", "_writers", "heard", "least")
 
     def __init__(self) -> None:
         self.least = math.inf
+        self.heard = -math.inf
         self._epoch = -1
-        self._last = _Window(-math.inf)
+        self._last = _Window(0.0)
         self._writers: dict[int, _Window] = {}
 
     def observe(self, epoch: int, stamp: float, arrival: float) -> float:
         """Take a message into account.
 
         Args:
-            epoch: the writer's process; another one starts from scratch.
+            epoch: the writer's process; another one starts anew.
             stamp: the message's stamp [s, the writer's clock].
             arrival: when it came [s, our clock].
 
         Returns:
-            Its extra delay [s], zero or more.
+            Its extra delay [s], zero or more; below zero when its stamp leaps ahead of the writer's clock, by as much.
         """
+        self.heard = arrival
         if epoch != self._epoch:
-            self._epoch = epoch
-            window = self._writers.pop(epoch, None) or _Window(arrival)
-            self._writers[epoch] = self._last = window  # the one heard last comes last
-            if len(self._writers) > _MOST_WRITERS:
-                del self._writers[next(iter(self._writers))]
-        window = self._last
-        if arrival - window.began > _HALF_WINDOW:
-            # Clocks drift, so the least may rise; but no more than they do. A path that grew by two seconds, a radio
-            # link with full buffers, stays late and does not become the measure of what is quick.
-            window.older, window.newer = min(window.newer, min(window.older, window.newer) + _DRIFT), math.inf
-            window.began = arrival
-        offset = arrival - stamp
-        if offset < window.newer:
-            window.newer = offset
-        self.least = window.newer if window.newer < window.older else window.older
-        return offset - self.least
+            self._change_writer(epoch, arrival)
+        measure, offset = self._last.observe(stamp, arrival), arrival - stamp
+        if offset >= measure:
+            self.least = measure
+            return offset - measure
+        self.least = offset
+        return 0.0 if measure - offset <= LEAP else offset - measure
+
+    def _change_writer(self, epoch: int, arrival: float) -> None:
+        self._epoch = epoch
+        writers = self._writers
+        window = writers.pop(epoch, None) or _Window(arrival)
+        if len(writers) >= _MOST_WRITERS:
+            # One that was heard only briefly goes first: a stranger with ever new epochs displaces nobody.
+            brief = (other for other, known in writers.items() if not known.confirmed)
+            del writers[next(brief, next(iter(writers)))]
+        writers[epoch] = self._last = window  # the one heard last stands last
 
 
 class _Window:
     """The least offset of one writer, in two half-minute buckets that turn only when a message comes: silence does not
-    make it forget, so the backlog that ends a long freeze is still late."""
+    make it forget, so the backlog that ends a long freeze is still late.
 
-    __slots__ = ("began", "newer", "older")
+    Until five spans have agreed, the least of all counts: a value that was kept for late joiners, or a start in the
+    midst of a backlog, is corrected by the first message that is quicker.
+    """
+
+    __slots__ = ("_began", "_least", "_newer", "_newest", "_older", "_span_began", "_spans", "_went_back", "confirmed")
 
     def __init__(self, began: float) -> None:
-        self.began = began
-        self.newer = math.inf
-        self.older = math.inf
+        self.confirmed = False
+        self._began = began
+        self._newer = math.inf
+        self._older = math.inf
+        self._least = math.inf  # of both buckets
+        self._newest = -math.inf  # stamp
+        self._went_back = False
+        self._spans: list[tuple[float, float]] = []  # least and greatest offset
+        self._span_began = -math.inf
+
+    def observe(self, stamp: float, arrival: float) -> float:
+        """The least offset before this message, which is taken into account [s]; of the first one its own."""
+        offset = arrival - stamp
+        if arrival - self._began > _HALF_WINDOW:
+            # Clocks drift, so the least may rise; but no more than they do. A way that grew two seconds longer, a radio
+            # link with full buffers, stays late and does not become the measure of what is quick.
+            self._older, self._newer = min(self._newer, self._least + _DRIFT), math.inf
+            self._least, self._began = self._older, arrival
+        if arrival - self._span_began >= _SPAN:
+            self._learn()
+            self._span_began = arrival
+            self._spans.append((offset, offset))
+            del self._spans[:-_SPANS]
+        else:
+            low, high = self._spans[-1]
+            self._spans[-1] = min(low, offset), max(high, offset)
+        least = self._least
+        if not self.confirmed and offset < least:
+            self._newer = self._least = least = offset
+        if offset <= least + _AGREE:
+            self._went_back = False
+        elif not self._went_back and stamp < self._newest - _AGREE:
+            self._went_back = True
+            self._spans = [(offset, offset)]
+        if offset >= least - _AGREE and stamp > self._newest:
+            self._newest = stamp
+        return least
+
+    def _learn(self) -> None:
+        """From the spans that have passed."""
+        if len(self._spans) < _SPANS:
+            return
+        lows, highs = zip(*self._spans, strict=True)
+        low, high = min(lows), max(highs)
+        if self._went_back:
+            if high - low <= _AGREE:
+                self._begin_anew(high)
+        elif not self.confirmed:
+            if high - self._least <= _AGREE:
+                self._begin_anew(high)
+        elif high < self._newer:
+            self._newer = high
+            self._least = min(high, self._older)
+
+    def _begin_anew(self, least: float) -> None:
+        self.confirmed, self._went_back = True, False
+        self._newer = self._least = least
+        self._older, self._newest = math.inf, -math.inf

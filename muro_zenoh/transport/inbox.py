@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import threading
 from abc import abstractmethod
 from typing import Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
-from muro_zenoh.messages import Message, check_encoding, decoder, encoding_of
+from muro_zenoh.messages import Message, check_encoding, check_size, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.delay import DelayTracker
 from muro_zenoh.transport.link import Declared
@@ -26,11 +27,11 @@ log = logging.getLogger(__name__)
 T = TypeVar("T", bound=Message)
 
 _MAX_KEYS = 1024
-"""Keys that a mailbox of ``*`` remembers at most: a writer of ever new keys must not fill the memory."""
+"""Keys that a mailbox of ``*`` remembers at most: a writer of ever new keys must not fill the memory ..."""
 
-MAX_PAYLOAD = 8 * 2**20
-"""A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
-
+_SILENT = 60.0
+"""... nor keep others out for good: a key that has been silent for longer than this gives way to a new one [s]. While
+there is room, silence makes a mailbox forget nobody: the backlog that ends a long freeze would count as fresh."""
 
 Filed = tuple[bytes, str | None, float]
 """Payload, encoding, arrival."""
@@ -40,7 +41,8 @@ class Slot(NamedTuple, Generic[T]):
     """What a mailbox is put up for.
 
     ``kind`` of its messages; ``prefix``: length of the key up to the name; ``clock`` for arrival times; ``loop``: where
-    it is read; ``counters``, shared by all mailboxes of a channel; ``where``: the key, for error messages.
+    it is read; ``counters``, shared by all mailboxes of a channel; ``where``: the key, for error messages;
+    ``stale_after``: age at which a message no longer counts [s], infinite where its stamp does not matter.
     """
 
     kind: type[T]
@@ -49,6 +51,7 @@ class Slot(NamedTuple, Generic[T]):
     loop: asyncio.AbstractEventLoop
     counters: Counters
     where: str
+    stale_after: float
 
 
 class Inbox(Declared, Generic[T]):
@@ -69,6 +72,7 @@ class Inbox(Declared, Generic[T]):
         self._loop = slot.loop
         self._counters = slot.counters
         self._where = slot.where
+        self._stale_after = slot.stale_after
         self._depth = depth
         self._thread = threading.get_ident()
         self._lock = threading.Lock()
@@ -175,36 +179,54 @@ class Inbox(Declared, Generic[T]):
         """The next unread message, or None."""
 
     def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
-        """The message in a sample; None for an invalid one, which is counted, and logged once per episode."""
+        """The message in a sample, or None when it is none: counted, and logged once per episode."""
         tracker = self._delays.get(key)
+        counters = self._counters
         try:
-            if len(payload) > MAX_PAYLOAD:
-                raise MessageError(f"got {len(payload)} bytes, expected at most {MAX_PAYLOAD}")
+            check_size(payload)
             if tracker is None:
                 self._check_key(key)
             if encoding != self._encoding:
                 check_encoding(encoding, self._kind)
             message = self._decode(payload)
+            if tracker is None:
+                self._make_room(arrival)
+                tracker = self._delays[key] = DelayTracker()
+            delay = tracker.observe(message.epoch, message.stamp, arrival)
+            if delay < 0.0:
+                if self._stale_after < math.inf:
+                    raise MessageError(f"got a stamp {-delay:.3g} s ahead of its writer's clock, expected its time")
+                delay = 0.0
         except MessageError as error:
-            self._counters.rejected += 1
+            counters.rejected += 1
             if not self._episode:
                 self._episode = True
                 log.warning("%s: dropped a message: %s (logged once until a good one comes)", key, error)
             return None
         self._episode = False
-        if tracker is None:
-            tracker = self._delays[key] = DelayTracker()
-        delay = tracker.observe(message.epoch, message.stamp, arrival)
-        self._counters.delay = delay
-        self._counters.arrival = arrival
+        if delay > self._stale_after:
+            counters.late += 1
+        counters.delay = delay
+        counters.arrival = arrival
         return Received(key[self._prefix :], message, arrival, delay, tracker.least)
 
     def _check_key(self, key: str) -> None:
         name = key[self._prefix :]
         if name and not NAME_PATTERN.fullmatch(name):
             raise MessageError(f"got the name {name!r} in the key, expected one such as 'r1'")
+
+    def _make_room(self, now: float) -> None:
+        """For one more key, in place of those that have been silent for long."""
+        if len(self._delays) < _MAX_KEYS:
+            return
+        for key in [key for key, tracker in self._delays.items() if now - tracker.heard > _SILENT]:
+            del self._delays[key]
+            self._forget(key[self._prefix :])
         if len(self._delays) >= _MAX_KEYS:
             raise MessageError(f"got a {_MAX_KEYS + 1}th writer's key, expected at most {_MAX_KEYS}")
+
+    def _forget(self, name: str) -> None:
+        """Drop what is known of a name."""
 
     def _notify(self) -> None:
         if self._waiter is not None and not self._waiter.done():

@@ -55,8 +55,8 @@ class Declared(ABC):
 class LinkPublisher(Closable, Protocol):
     """Sends bytes on one key."""
 
-    def put(self, payload: bytes) -> None:
-        """Send; never blocks, never raises for a link that is closing."""
+    def put(self, payload: bytes) -> bool:
+        """Send; never blocks, never raises for a link that is closing. Whether the middleware took it."""
         ...
 
 

@@ -42,6 +42,9 @@ class Latest(Inbox[T]):
         """Drop what is known of a name."""
         if self._raw:
             self._sort()
+        self._forget(name)
+
+    def _forget(self, name: str) -> None:
         self._unseen.discard(name)
         self._newest.pop(name, None)
         self._unread.pop(name, None)

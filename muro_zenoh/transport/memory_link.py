@@ -100,13 +100,14 @@ class _Publisher:
         self._link, self._key, self._encoding, self._keep = link, key, encoding, keep
         self._closed = False
 
-    def put(self, payload: bytes) -> None:
+    def put(self, payload: bytes) -> bool:
         if self._closed or self._link.closed:
-            return
+            return False
         network = self._link.network
         if self._keep:
             network._kept[self._key] = (self._link, payload, self._encoding)
         network.put(self._key, payload, self._encoding, sender=self._link)
+        return True
 
     def close(self) -> None:
         self._closed = True

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from muro_zenoh.channels import Role, Verb
 from muro_zenoh.errors import MessageError, MuroError
-from muro_zenoh.messages import Message, Reply, check_encoding, decode
+from muro_zenoh.messages import Message, Reply, check_encoding, check_size, decode
 from muro_zenoh.transport.link import Question
 from muro_zenoh.transport.received import Counters
 
@@ -89,6 +89,7 @@ class Orders(Generic[T]):
 
     def _read(self, question: Question) -> T:
         try:
+            check_size(question.payload)
             check_encoding(question.encoding, self._verb.kind)
             return decode(question.payload, self._verb.kind)
         except MessageError:

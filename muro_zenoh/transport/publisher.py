@@ -11,6 +11,7 @@ from muro_zenoh.messages import Message, encode
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.inbox import Inbox
 from muro_zenoh.transport.link import LinkPublisher
+from muro_zenoh.transport.received import Counters
 
 T = TypeVar("T", bound=Message)
 
@@ -26,14 +27,18 @@ class Publisher(Generic[T]):
         readers: this process's mailboxes of the key; the bus keeps the list up to date.
         clock: for stamps.
         epoch: this process's number.
+        counters: shared by all publishers of a channel.
     """
 
-    def __init__(self, key: str, link: LinkPublisher, readers: list[Inbox[T]], clock: Clock, epoch: int) -> None:
+    def __init__(
+        self, key: str, link: LinkPublisher, readers: list[Inbox[T]], clock: Clock, epoch: int, counters: Counters
+    ) -> None:
         self._key = key
         self._link = link
         self._readers = readers
         self._now = clock.now
         self._epoch = epoch
+        self._counters = counters
         self._seq = 0
         self._closers = [link.close]
         self._closed = False
@@ -58,7 +63,8 @@ class Publisher(Generic[T]):
         _set(sent, "epoch", self._epoch)
         for inbox in self._readers:
             inbox.hand(self._key, sent)
-        self._link.put(encode(sent))
+        if not self._link.put(encode(sent)):
+            self._counters.unsent += 1
         return sent
 
     def close(self) -> None:

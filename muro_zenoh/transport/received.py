@@ -19,7 +19,9 @@ class Counters:
     Attributes:
         received: samples filed.
         dropped: good or not, they were displaced by newer ones before anybody read them.
-        rejected: they were not what their key promises.
+        rejected: they were not what their key promises, or their stamps leapt ahead.
+        late: good ones that were stale when they came.
+        unsent: the middleware did not take them.
         arrival: when the newest good one came [s, our clock]; 0 before the first.
         delay: the newest one's extra delay [s].
     """
@@ -27,6 +29,8 @@ class Counters:
     received: int = 0
     dropped: int = 0
     rejected: int = 0
+    late: int = 0
+    unsent: int = 0
     arrival: float = 0.0
     delay: float = 0.0
 

@@ -15,9 +15,9 @@ import contextlib
 import json
 import logging
 import os
+import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from muro_zenoh.channels import Priority
@@ -52,7 +52,8 @@ _PRIORITY = {
 _OPEN_TIMEOUT = 5.0
 _FIRST_PAUSE = 0.02
 _LONGEST_PAUSE = 0.2
-_CLOSE_TIMEOUT = 5.0
+_CLOSE_TIMEOUT = 1.0
+"""A session that has not closed by then is left to the end of the process, which does not wait for it [s]."""
 
 
 def zenoh_config(settings: BusSettings) -> zenoh.Config:
@@ -116,12 +117,14 @@ class _Declared:
 
 
 class _Publisher(_Declared):
-    def put(self, payload: bytes) -> None:
-        if self._declared is not None:
-            try:  # noqa: SIM105 - suppress() costs a microsecond on the path of every message
-                self._declared.put(payload)
-            except zenoh.ZError:
-                pass  # a session that is closing; its last messages are of no use
+    def put(self, payload: bytes) -> bool:
+        if self._declared is None:
+            return False
+        try:
+            self._declared.put(payload)
+        except zenoh.ZError:
+            return False  # of a session that is closing, or has failed
+        return True
 
 
 class _Query:
@@ -161,12 +164,24 @@ async def _open_session(config: zenoh.Config) -> zenoh.Session:
 
 
 def _in_thread(function: Callable[..., R], *arguments: Any) -> asyncio.Future[R]:
-    """Call a function in a thread that ends with it; the loop's own pool would keep one for good."""
-    pool = ThreadPoolExecutor(1, thread_name_prefix="zenoh")
-    try:
-        return asyncio.get_running_loop().run_in_executor(pool, function, *arguments)
-    finally:
-        pool.shutdown(wait=False)
+    """Call a function in a thread that ends with it, and that the process's end does not wait for."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[R] = loop.create_future()
+
+    def settle(settled: Callable[[Any], None], result: Any) -> None:
+        if not done.done():
+            settled(result)
+
+    def work() -> None:
+        try:
+            outcome: tuple[Callable[[Any], None], Any] = done.set_result, function(*arguments)
+        except BaseException as error:  # raised where it is awaited
+            outcome = done.set_exception, error
+        with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+            loop.call_soon_threadsafe(settle, *outcome)
+
+    threading.Thread(target=work, name="zenoh", daemon=True).start()
+    return done
 
 
 def _not_open(settings: BusSettings, error: zenoh.ZError) -> TransportError:

@@ -68,10 +68,9 @@ class Zenoh:
         if self._stranger is None:
             self._stranger = stranger(self._router.endpoint)
             self._stack.callback(self._stranger.close)
-        if encoding is None:
-            self._stranger.put(key, payload)
-        else:
-            self._stranger.put(key, payload, encoding=encoding)
+        # On a busy machine a large one would else be dropped, before anybody could reject it.
+        block = zenoh.CongestionControl.BLOCK
+        self._stranger.put(key, payload, encoding=encoding, congestion_control=block)
 
 
 def stranger(endpoint: str) -> zenoh.Session:

@@ -118,3 +118,189 @@ def test_the_time_of_capture_is_the_stamp_by_our_clock_less_the_latency_of_the_p
     received = Received("r1", VelocityCommand(v=0.0, omega=0.0, stamp=107.0), arrival=100.5, delay=0.48, least=-6.98)
     assert received.captured() == pytest.approx(100.02)
     assert received.captured(0.02) == pytest.approx(100.0)
+
+
+# ---- nothing learned from one message lasts
+
+PERIOD = 0.05
+
+
+class Writer:
+    """A writer at 20 Hz and its reader; the way takes no time, and the clocks differ by ``ahead``."""
+
+    def __init__(self, ahead: float = 0.0, epoch: int = 7) -> None:
+        self.tracker = DelayTracker()
+        self.ahead = ahead
+        self.late = 0.0
+        self._epoch = epoch
+        self._ticks = 0
+
+    @property
+    def now(self) -> float:
+        """By the reader's clock."""
+        return 1000.0 + PERIOD * self._ticks
+
+    def send(self, times: int = 1) -> list[float]:
+        """The delays of so many messages, a period apart."""
+        delays = []
+        for _ in range(times):
+            self._ticks += 1
+            delays.append(self.tracker.observe(self._epoch, self.now + self.ahead - self.late, self.now))
+        return delays
+
+    def pause(self, time: float) -> None:
+        """Nothing is sent for so long [s]."""
+        self._ticks += round(time / PERIOD)
+
+    def fall_behind(self, late: float) -> None:
+        """The way freezes for so long, and what is sent from then on comes so late, in order [s]."""
+        self.pause(late)
+        self.late = late
+
+    def forged(self, ahead: float) -> float:
+        """A stranger's message in this writer's name, with a stamp this far ahead of its clock."""
+        return self.tracker.observe(self._epoch, self.now + self.ahead + ahead, self.now + 1e-3)
+
+    def recovers(self) -> float:
+        """How long until its messages are on time again [s]; a minute is for ever."""
+        for k in range(1200):
+            (delay,) = self.send()
+            if 0.0 <= delay < 0.01:
+                return (k + 1) * PERIOD
+        return math.inf
+
+
+@pytest.mark.parametrize("ahead", [0.05, 0.2, 0.49, 0.51, 1.0, 40.0, 1e6, 1e11, -0.3, -1.0, -1e9])
+@pytest.mark.parametrize("known", [1, 3, 6, 100])
+def test_one_wrong_stamp_of_a_known_writer_does_not_outlast_it(known: int, ahead: float) -> None:
+    writer = Writer(ahead=-70.0)
+    writer.send(known)
+    writer.forged(ahead)
+    assert writer.recovers() <= 0.5
+    assert max(map(abs, writer.send(100))) < 0.01
+    assert writer.tracker.least == pytest.approx(70.0)
+
+
+@pytest.mark.parametrize("ahead", [0.3, 40.0, -5.0])
+def test_a_wrong_stamp_that_comes_first_does_not_outlast_its_moment(ahead: float) -> None:
+    writer = Writer()
+    writer.forged(ahead)
+    assert writer.recovers() <= 0.5
+    assert max(map(abs, writer.send(100))) < 0.01
+
+
+def test_a_stamp_far_ahead_is_not_believed_and_a_little_ahead_is_on_time() -> None:
+    writer = Writer()
+    writer.send(20)
+    assert writer.forged(0.51) == pytest.approx(-0.51, abs=2e-3)
+    assert writer.tracker.least == pytest.approx(-0.51, abs=2e-3)  # never captured after it arrived
+    assert writer.forged(0.49) == 0.0
+    assert writer.send(50) == pytest.approx([0.0] * 50, abs=1e-9)
+
+
+def test_many_wrong_stamps_do_not_walk_the_measure_away() -> None:
+    writer = Writer()
+    writer.send(20)
+    for step in range(1, 200):
+        writer.forged(0.005 * step)
+        (delay,) = writer.send()
+        assert delay == pytest.approx(0.0, abs=1e-6)
+
+
+def test_wrong_stamps_between_those_of_a_slower_writer_are_not_learned_either() -> None:
+    writer = Writer()
+    writer.send(20)
+    for _ in range(100):
+        writer.pause(PERIOD)
+        writer.forged(0.3)
+        (delay,) = writer.send()
+        assert delay == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_clock_that_was_set_back_is_followed_only_when_its_messages_agree() -> None:
+    # Learned while a backlog drains, the measure would be that of the backlog.
+    writer = Writer()
+    writer.send(100)
+    writer.ahead -= 5.0
+    for step in range(12, 0, -1):
+        writer.late = 0.2 * step
+        assert min(writer.send()) > 4.0
+    writer.late = 0.0
+    assert writer.recovers() <= 0.5
+    assert writer.tracker.least == pytest.approx(5.0)
+
+
+def test_a_burst_is_one_moment_however_many_messages_it_has() -> None:
+    writer = Writer()
+    writer.send(20)
+    for _ in range(1000):
+        assert writer.forged(40.0) < 0.0
+    assert writer.send(20) == pytest.approx([0.0] * 20, abs=1e-6)
+
+
+@pytest.mark.parametrize("step", [0.6, 1.0, 40.0, 3600.0, -0.3, -1.0, -40.0, -3600.0])
+@pytest.mark.parametrize("epoch", [0, 7])
+def test_a_clock_that_is_set_is_followed_within_half_a_second(epoch: int, step: float) -> None:
+    # A camera host restarts with its clock behind; NTP steps the clock of a foreign writer that gives no epoch.
+    writer = Writer(epoch=epoch)
+    writer.send(100)
+    writer.ahead += step
+    assert writer.recovers() <= 0.5
+    assert writer.send(100) == pytest.approx([0.0] * 100, abs=1e-6)
+
+
+@pytest.mark.parametrize("late", [0.2, 1.0, 40.0])
+def test_after_a_clock_was_set_what_is_late_is_late_again(late: float) -> None:
+    writer = Writer()
+    writer.send(100)
+    writer.ahead -= 5.0
+    writer.send(20)
+    writer.fall_behind(late)
+    assert min(writer.send(400)) > late - 0.07
+
+
+@pytest.mark.parametrize("known", [1, 3, 6, 100])
+def test_lateness_alone_never_becomes_the_measure(known: int) -> None:
+    writer = Writer()
+    writer.send(known)
+    writer.fall_behind(2.0)
+    assert min(writer.send(1200)) > 1.9
+
+
+def test_replayed_stamps_do_not_make_a_backlog_fresh() -> None:
+    writer = Writer()
+    writer.send(100)
+    for _ in range(100):
+        writer.forged(-3.0)
+        (delay,) = writer.send()
+        assert delay == pytest.approx(0.0, abs=1e-6)
+    writer.fall_behind(2.0)
+    assert min(writer.send(400)) > 1.9
+
+
+@pytest.mark.parametrize("ahead", [0.15, 0.45, 40.0])
+def test_a_stamp_ahead_does_not_make_a_backlog_fresh(ahead: float) -> None:
+    # The true stamps after it lie behind it; that is no clock that was set back.
+    writer = Writer()
+    writer.send(100)
+    writer.forged(ahead)
+    writer.fall_behind(2.0)
+    assert min(writer.send(400)) > 1.9
+
+
+def test_a_stranger_who_holds_the_name_for_a_while_is_forgotten_when_its_owner_is_back() -> None:
+    writer = Writer()
+    writer.send(100)
+    for _ in range(20):  # its owner is silent meanwhile
+        writer.pause(PERIOD)
+        writer.forged(40.0)
+    assert writer.recovers() <= 0.5
+
+
+def test_strangers_with_ever_new_epochs_displace_no_writer_that_is_known() -> None:
+    writer = Writer()
+    writer.send(100)
+    for epoch in range(100, 200):
+        writer.tracker.observe(epoch, 5.0, writer.now)
+    writer.fall_behind(2.0)
+    assert writer.send() == pytest.approx([2.0])

@@ -36,7 +36,9 @@ class Box:
         self.counters = Counters()
         loop = asyncio.get_running_loop()
         options = {} if depth is None else {"depth": depth}
-        self.inbox = make(Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*"), **options)
+        self.inbox = make(
+            Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", 0.5), **options
+        )
 
     def file(self, name: str, speed: float, encoding: str | None = ENCODING, stamp: float | None = None) -> None:
         stamp = self.clock.now() if stamp is None else stamp

@@ -219,9 +219,31 @@ def test_a_covariance_has_nine_numbers(length: int) -> None:
         decode(msgpack.packb(plain), PoseFix)
 
 
-def test_numbers_that_are_large_but_finite_are_taken() -> None:
-    message = VelocityCommand(stamp=1.7e9, v=1.7e308, omega=1.7e308)
+def test_numbers_are_taken_up_to_what_can_be_calculated_with() -> None:
+    message = VelocityCommand(stamp=1.7e9, v=0.7e12, omega=-0.7e12)
     assert decode(encode(message), VelocityCommand) == message
+
+
+@pytest.mark.parametrize("absurd", [1.1e12, -1.1e12, 1e154, -1.7e308])
+def test_absurd_numbers_are_refused_wherever_they_are(absurd: float) -> None:
+    # The square of 1e154 overflows, and an OverflowError in a law ends the agent.
+    def refused(kind: type[Message], match: str, **fields: object) -> None:
+        with pytest.raises(MessageError, match=match):
+            decode(msgspec.msgpack.encode({"stamp": 1.7e9, **fields}), kind)
+
+    fix = {"age": 0.1, "x": 1.0, "y": 1.0, "theta": 0.0, "camera": "north"}
+    refused(VelocityCommand, "omega: got", v=0.1, omega=absurd)
+    refused(PoseFix, "covariance: got", covariance=[absurd] * 9, **fix)
+    refused(Goal, "theta: got", x=0.0, y=0.0, theta=absurd)
+    refused(Health, r"numbers\.fixes: got", role="agent", state="driving", numbers={"fixes": absurd})
+    robot = {"name": "r1", "x": 0.0, "y": absurd, "theta": 0.0, "v": 0.0, "omega": 0.0, "age": 0.0, "state": "lost"}
+    refused(FleetSnapshot, r"robots\.r1\.y: got", robots=[robot])
+
+
+@pytest.mark.parametrize("stamp", [1.1e11, 1e12, 1e300, 0.0, -1.7e9])
+def test_a_stamp_that_is_no_time_is_refused(stamp: float) -> None:
+    with pytest.raises(MessageError, match="stamp"):
+        decode(msgspec.msgpack.encode({"stamp": stamp, "speed": 0.1}), SpeedReference)
 
 
 def test_a_law_that_makes_nan_is_found_where_it_does() -> None:
