@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from muro_zenoh.errors import TransportError
-from muro_zenoh.messages import SpeedReference, encode, encoding_of
+from muro_zenoh.messages import SpeedReference, codec, encode, encoding_of
 from muro_zenoh.transport import inbox
 from muro_zenoh.transport.inbox import Slot
 from muro_zenoh.transport.mailboxes import Every, Latest
@@ -269,14 +269,14 @@ async def test_an_encoding_of_something_else_is_rejected(encoding: str | None, g
 async def test_a_payload_above_the_limit_is_rejected(limit: int, good: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     box = Box(Latest)
     payload = encode(SpeedReference(speed=0.1, stamp=1000.0))
-    monkeypatch.setattr(inbox, "MAX_PAYLOAD", len(payload) + limit)
+    monkeypatch.setattr(codec, "MAX_PAYLOAD", len(payload) + limit)
     box.inbox.file("muro/velocity/r1", payload, ENCODING)
     assert (speed(box.inbox.get("r1")) == 0.1) == good
     assert box.counters.rejected == (not good)
 
 
 def test_the_limits_are_eight_mebibytes_and_a_thousand_keys() -> None:
-    assert (inbox.MAX_PAYLOAD, inbox._MAX_KEYS) == (8_388_608, 1024)
+    assert (codec.MAX_PAYLOAD, inbox._MAX_KEYS) == (8_388_608, 1024)
 
 
 async def test_keys_are_bounded_while_they_wait_and_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
