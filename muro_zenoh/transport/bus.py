@@ -97,9 +97,7 @@ class Bus:
             self._own_keys.add(key)
             # Mailboxes of `*` that were declared first get the new key's messages too.
             readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
-        publisher: Publisher[T] = Publisher(
-            key, link, readers, self.clock, self.epoch, self.counters[channel.word]
-        )
+        publisher: Publisher[T] = Publisher(key, link, readers, self.clock, self.epoch, self.counters[channel.word])
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
         return publisher

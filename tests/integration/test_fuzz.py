@@ -64,7 +64,9 @@ class TestInMemory:
             log.info("seed %d: sent %d, rejected %d of %d, %s", seed, sent, rejected, received, dict(stranger.made))
             assert sent > 4000
 
-    async def _flood(self, fleet: MemoryFleet, link: MemoryLink, stranger: Stranger, asking: set[asyncio.Task[bytes | None]]) -> int:
+    async def _flood(
+        self, fleet: MemoryFleet, link: MemoryLink, stranger: Stranger, asking: set[asyncio.Task[bytes | None]]
+    ) -> int:
         sent = 0
         for _ in range(1000):
             for _ in range(8):
@@ -119,9 +121,7 @@ async def test_a_stranger_is_counted_and_forgotten_over_zenoh(tmp_path: Path) ->
             session.declare_subscriber(
                 "muro/**",
                 zenoh.handlers.Callback(
-                    lambda sample: stranger.hear(
-                        str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)
-                    ),
+                    lambda sample: stranger.hear(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding)),
                     indirect=False,
                 ),
                 allowed_origin=zenoh.Locality.REMOTE,

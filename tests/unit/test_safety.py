@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from muro_zenoh.geometry import STILL, Twist2
 from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
-from muro_zenoh.safety.stop import StopLatch
+from muro_zenoh.safety.stop import FAR, StopLatch
 
 # ---- the stop latch
 
@@ -101,6 +101,26 @@ def test_a_revision_that_no_count_can_reach_stops_but_lifts_nothing_and_is_not_r
     stopped = hear(FREE, absurd, everybody=True)
     assert stopped.stopped
     assert hear(stopped, 6).may_drive  # the base station can lift it
+
+
+@pytest.mark.parametrize("poison", [5 + FAR, 5 + FAR + 1, 2**40, 2**53 - 1, 2**53])
+def test_a_revision_that_is_far_ahead_does_not_outlast_the_next_true_order(poison: int) -> None:
+    # Whoever said it: the base station has counted to 5 and goes on from there.
+    poisoned = hear(FREE, poison, everybody=True)
+    assert poisoned.stopped
+    assert hear(poisoned, 5).may_drive
+    assert hear(hear(poisoned, 5, "r1"), 6).may_drive
+
+
+def test_an_order_that_is_a_little_behind_stays_older() -> None:
+    stopped = hear(FREE, 5 + FAR - 1, everybody=True)
+    assert hear(stopped, 5).stopped
+
+
+def test_an_operator_who_knows_no_revision_makes_nobody_forget_his() -> None:
+    latch = hear(FREE, 2**40)
+    assert hear(latch, 0, "r2") == latch
+    assert hear(latch, 0, "r1").revision == 2**40
 
 
 def test_a_newer_order_that_names_some_is_no_order_to_everybody_any_more() -> None:

@@ -14,7 +14,7 @@ from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.errors import ConfigError, OrderRefused
 from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
-from muro_zenoh.safety.stop import StopLatch
+from muro_zenoh.safety.stop import FAR, StopLatch
 
 
 def scenario(robots: int = 3, **behaviour: object) -> Scenario:
@@ -384,6 +384,59 @@ async def test_a_revision_that_no_count_can_reach_stops_but_is_not_adopted(absur
     assert stopped(kept) == (False, ())
     # It still goes over the wire.
     assert decode(encode(msgspec.structs.replace(kept.stop, stamp=1.0)), StopOrder).revision < 100
+
+
+@pytest.mark.parametrize(
+    "poison", [1, 6, 1000, FAR - 1, FAR, 2 * FAR, 2**40, 2**52, 2**53 - 1, 2**53, 2**53 + 1, 2**64 - 1]
+)
+@pytest.mark.parametrize("latched", [False, True])
+@pytest.mark.parametrize("received", [False, True])
+async def test_every_stop_can_be_lifted_whatever_revision_a_robot_has_received(
+    poison: int, latched: bool, received: bool
+) -> None:
+    """Both sides as they talk: the robot receives what is kept, reports, and is adopted from; then one resume."""
+    kept = fresh()
+    robot = StopLatch()
+
+    def talk() -> None:
+        nonlocal robot
+        for _ in range(3):
+            kept.adopt("r1", reports(robot.stopped, max(robot.revision, 0), robot.everybody))
+            order = kept.stop
+            robot = robot.hear("r1", everybody=order.all, names=order.names, revision=order.revision)
+
+    if received:  # one that has just started knows nothing, and believes the first that it receives
+        talk()
+    robot = robot.hear("r1", everybody=latched, names=(), revision=poison)
+    talk()
+    await kept.add_stop(Stop(names=()))
+    talk()
+    assert robot.stopped
+    await kept.resume(Resume(revision=kept.stop.revision))
+    talk()
+    assert robot.may_drive
+    assert stopped(kept) == (False, ())
+    assert kept.stop.revision <= 2 * FAR
+
+
+@pytest.mark.parametrize("revision", [2**53 - 1, 2**53, 2**53 + 1, 2**60])
+async def test_a_file_with_a_revision_that_nobody_believes_is_counted_anew(tmp_path: Path, revision: int) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.add_stop(Stop(names=()))
+    kept.close()
+    state = json.loads(path.read_text())
+    path.write_text(json.dumps({**state, "revision": revision, "stop_revision": revision}))
+    kept = fresh(path)
+    assert stopped(kept) == (True, ())
+    robot = StopLatch().hear("r1", everybody=True, names=(), revision=min(revision, 2**53))
+    for order in (kept.stop, None):
+        if order is None:
+            await kept.resume(Resume(revision=kept.stop.revision))
+            order = kept.stop
+        robot = robot.hear("r1", everybody=order.all, names=order.names, revision=order.revision)
+    assert robot.may_drive
+    kept.close()
 
 
 # ---- the file
