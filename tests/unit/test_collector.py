@@ -23,11 +23,11 @@ from muro_zenoh.messages import (
     Truth,
     VelocityCommand,
 )
+from muro_zenoh.scoring import reports
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
-from muro_zenoh.scoring.view import view_of
-from muro_zenoh.scoring import reports
 from muro_zenoh.scoring.reports import keep_newest
+from muro_zenoh.scoring.view import view_of
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.clock import ManualClock
 

@@ -40,6 +40,7 @@ def test_forgetting_before_any_odometry_forgets_only_the_past() -> None:
         it.command(0.05 * k, 0.2, 0.0)
     before = distance(it, 3.0, 5.0)
     it.forget(2.0)
+    assert it._knots[0][0] == pytest.approx(2.0, abs=0.06)
     assert distance(it, 3.0, 5.0) == before
     assert distance(it, 2.0, 5.0) == pytest.approx(0.6, abs=0.01)
 
