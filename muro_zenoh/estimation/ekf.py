@@ -398,6 +398,6 @@ def is_covariance(fix: Fix) -> bool:
     area = fix.xx * fix.yy
     return (
         all(_LEAST_VARIANCE <= variance <= _GREATEST_VARIANCE for variance in (fix.xx, fix.yy, fix.tt))
-        and minor >= _LEAST_INDEPENDENCE * area
+        and minor > 0.0
         and det >= _LEAST_INDEPENDENCE * area * fix.tt
     )

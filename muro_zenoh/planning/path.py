@@ -184,5 +184,7 @@ def _nearest(knot: Pose2, curvature: float, x: float, y: float, first: float, la
         return (min(max(along, first), last),)
     # In the knot's frame the arc is (sin(k s), 1 - cos(k s)) / k; just behind its start is a whole turn ahead.
     turned = math.atan2(along * curvature, 1.0 - left * curvature)
+    turn = TWO_PI / abs(curvature)
     part = math.copysign(1.0, curvature) * turned % TWO_PI / abs(curvature)
+    part += turn * max(math.ceil((first - part) / turn), 0)  # an arc may go round more than once
     return (part,) if first <= part <= last else (first, last)

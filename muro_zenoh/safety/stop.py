@@ -10,19 +10,18 @@ MOST_REVISION: Final = 2**53
 """A greater revision is ignored: integers above it are not exact in every language, and no count of orders reaches it.
 If it were accepted, no later order could lift the stop."""
 
-
 FAR: Final = 2**20
-"""Two revisions this far apart are of different counts: no robot misses a million orders."""
+"""Two revisions this far apart belong to different counts: no robot misses a million orders."""
 
 
 def is_newer(revision: int, than: int) -> bool:
     """Whether an order is newer than another one.
 
-    One that is far behind is: whoever said the other one, a base station before its file was lost or a stranger, does
-    not count any more, and what he said must not keep today's orders from being obeyed.
+    One that is far behind is, too: the other one came from a stranger, or from a base station that has lost its file
+    since, and must not keep today's orders from being obeyed.
 
     Args:
-        revision: of the order.
+        revision: the order's revision.
         than: the other's revision.
     """
     return revision > than or revision <= than - FAR
@@ -33,7 +32,8 @@ class StopLatch:
     """A robot's stop state. A robot that has received no order since it started must not drive.
 
     A stop is accepted from any sender, at any revision. An order of revision 0 comes from an operator who has not
-    received the state either: it stops the robots that it names and has no effect on the others. Only a newer revision
+    received the state either: it stops the robots that it names and has no effect on the others. One of a revision that
+    no count can have reached since the newest received is treated alike. Only a newer revision
     than the newest received lifts a stop. At a tie the stop wins, so the base station's repetition of an old state does
     not lift an operator's stop that it has not received.
 
@@ -58,7 +58,7 @@ class StopLatch:
             names: the robots that it stops.
             revision: the order's revision.
         """
-        if revision > MOST_REVISION:
+        if revision > MOST_REVISION or (self.received and revision >= self.revision + FAR):
             revision = 0
         newer = revision > 0 and is_newer(revision, self.revision)
         newest = revision if newer else max(self.revision, 0)

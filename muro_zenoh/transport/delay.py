@@ -131,9 +131,8 @@ class _Window:
             self._newer = self._least = least = offset
         if offset <= least + _AGREE:
             self._went_back = False
-        elif not self._went_back and stamp < self._newest - _AGREE:
+        elif stamp < self._newest - _AGREE:
             self._went_back = True
-            self._spans = [(offset, offset)]
         if offset >= least - _AGREE and stamp > self._newest:
             self._newest = stamp
         return least

@@ -48,6 +48,41 @@ def identity_error(law: Law, curvature: float, lateral: float, dtheta: float, v:
     return measured - (-GAINS.ka * v * lateral * float(np.sinc(dtheta / math.pi)) - kb * dtheta)
 
 
+@pytest.mark.parametrize("radius", [0.02, 0.05, 0.08, 0.1, 0.12, 0.14, 0.5])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("side", [-0.9, 0.0, 0.9])
+def test_on_a_tight_arc_the_nearest_point_is_that_of_this_turn(radius: float, sign: float, side: float) -> None:
+    # Three turns: a robot that is a little behind must not be taken to be a whole turn ahead.
+    path = Path(Pose2(0.3, -0.2, 0.7), (Segment(6.0 * math.pi * radius, sign / radius),))
+    s = 3.0 * math.pi * radius
+    for turned in (-0.5, -0.05, 0.0, 0.05, 0.5, 2.0):
+        if abs(turned) * radius > 0.1 and turned < 0.0:
+            continue  # farther back than is searched
+        on = path.pose_at(s + turned * radius)
+        off = side * radius
+        pose = Pose2(on.x - off * math.sin(on.theta), on.y + off * math.cos(on.theta), on.theta)
+        if turned * radius <= 0.4:
+            assert path_error(path, pose, s).s == pytest.approx(s + turned * radius, abs=1e-9)
+
+
+def test_a_robot_beyond_the_centre_of_a_tight_arc_does_not_skip_half_a_turn() -> None:
+    path = Path(Pose2(0.0, 0.0, 0.0), (Segment(6.0 * math.pi * 0.1, 10.0),))
+    s = 3.0 * math.pi * 0.1
+    on = path.pose_at(s)
+    beyond = Pose2(on.x - 0.11 * math.sin(on.theta), on.y + 0.11 * math.cos(on.theta), on.theta)
+    assert abs(path_error(path, beyond, s).s - s) < 0.9 * math.pi * 0.1 + 1e-9
+
+
+def test_reach_stops_where_the_turn_is_used_up_and_counts_both_ways() -> None:
+    path = Path(Pose2(0.0, 0.0, 0.0), (Segment(1.0, 0.0), Segment(0.3, 10.0), Segment(0.3, -10.0), Segment(1.0, 0.0)))
+    assert path.reach(0.5, 0.4, 1.0) == pytest.approx(0.4)  # straight
+    assert path.reach(0.8, 0.4, 1.0) == pytest.approx(0.3)  # 0.2 straight, 0.1 m is 1 rad
+    assert path.reach(1.2, 0.4, 2.0) == pytest.approx(0.2)  # 1 rad to the left and 1 to the right
+    assert path.reach(1.8, -0.4, 1.0) == pytest.approx(0.3)
+    assert path.reach(1.4, -0.2, 3.0) == pytest.approx(0.2)
+    assert path.reach(2.5, 0.4, 1.0) == pytest.approx(0.4)  # beyond the end nothing turns
+
+
 @pytest.mark.parametrize("curvature", [1.0, -1.0, 3.0, -3.0])
 @pytest.mark.parametrize("side", [0.5, -0.5])
 @pytest.mark.parametrize("dtheta", [0.0, 0.4, -0.9])

@@ -218,6 +218,16 @@ async def test_the_counters_add_up(network: Network) -> None:
     assert "circle_received" not in numbers
 
 
+async def test_what_the_middleware_does_not_take_is_counted(network: Network) -> None:
+    writer = await network.open()
+    out = writer.publisher(channels.VELOCITY, "r1")
+    out.put(speed(0.1))
+    assert "velocity_unsent" not in writer.numbers()
+    await writer._link.close()
+    out.put(speed(0.2))
+    assert writer.numbers() == {"velocity_unsent": 1}
+
+
 async def test_a_tap_sees_the_bytes_of_any_key(network: Network) -> None:
     bus, writer = await network.open(), await network.open()
     tap = bus.tap(f"{network.realm}/**", depth=4)

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import os
+import signal
+import sys
+import time
+from asyncio.subprocess import PIPE
 
 import pytest
 
@@ -18,6 +23,7 @@ from muro_zenoh.messages import (
 )
 from tests.contract.conftest import Network
 from tests.contract.helpers import answered, speed
+from tests.support.router import router
 from tests.support.waiting import seconds, within
 
 # ---- waiting
@@ -188,3 +194,37 @@ async def test_a_cancelled_open_leaves_nothing(network: Network) -> None:
         opening.cancel()
         await asyncio.wait([opening], timeout=seconds(7))
         assert opening.done()
+
+
+_LEAVING = """
+import asyncio, os, signal, sys, time
+from muro_zenoh.channels import Role
+from muro_zenoh.config import BusSettings
+from muro_zenoh.transport import open_bus
+
+async def main():
+    async with open_bus(BusSettings(connect=(sys.argv[1],)), Role.OPERATOR) as bus:
+        os.kill(int(sys.argv[2]), signal.SIGSTOP)
+        for _ in range(3000):  # fills the way to the router, so that the session cannot say goodbye
+            bus._link._session.put("lab/x", bytes(20_000))
+        print("leaving", flush=True)
+
+asyncio.run(main())
+"""
+
+
+async def test_a_session_that_does_not_close_holds_no_process() -> None:
+    with router() as stopped:
+        pid = stopped.process.pid
+        try:
+            script = [sys.executable, "-c", _LEAVING, stopped.endpoint, str(pid)]
+            process = await asyncio.create_subprocess_exec(*script, stdout=PIPE, stderr=PIPE)
+            assert process.stdout is not None
+            await within(20, process.stdout.readline(), "the session full")
+            began = time.monotonic()
+            _, said = await within(20, process.communicate(), "its end")
+            assert time.monotonic() - began < seconds(3.0)  # Zenoh's own close takes ten
+            assert process.returncode == 0
+            assert b"did not close its session" in said
+        finally:
+            os.kill(pid, signal.SIGCONT)

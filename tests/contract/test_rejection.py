@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 import os
 
 import msgpack
+import msgspec
 import pytest
 
 from muro_zenoh import channels
-from muro_zenoh.messages import (
-    SpeedReference,
-    encode,
-    encoding_of,
-)
+from muro_zenoh.errors import NoReply
+from muro_zenoh.messages import Frame, Reply, SetBehaviour, SpeedReference, encode, encoding_of
+from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.contract.conftest import Network
 from tests.contract.helpers import Box, linked, plain, until
-from tests.support.waiting import within
+from tests.support.clock import ManualClock
+from tests.support.waiting import seconds, within
 
 _NOW = 1.7e9
 BAD = {
@@ -154,6 +155,78 @@ async def test_good_messages_on_ever_new_keys_fill_no_memory(network: Network) -
     network.put(f"{network.realm}/velocity/r1", plain(0.5))
     await until(lambda: (got := box.get("r1")) is not None and got.message.speed == 0.5, "the one that was known")
     assert len(box._delays) == len(box.values()) == 1024
+
+
+async def test_a_key_that_was_silent_for_a_minute_gives_way_to_a_new_one(network: Network) -> None:
+    clock = ManualClock()
+    reader = await network.open(clock)
+    box = reader.latest(channels.VELOCITY, "*")
+    await linked(lambda v: network.put(f"{network.realm}/velocity/r1", plain(v)), box)
+    counters = reader.counters["velocity"]
+
+    async def put(names: list[str]) -> None:
+        received = counters.received
+        for i, name in enumerate(names):
+            network.put(f"{network.realm}/velocity/{name}", plain(0.1))
+            if i % 100 == 0:
+                await asyncio.sleep(0.002)
+        await until(lambda: counters.received == received + len(names), "all of them")
+        box.values()
+
+    await put([f"x{i}" for i in range(1100)])
+    assert len(box.values()) == 1024
+    clock.advance(59.0)
+    await put(["r1", "r2"])
+    assert "r2" not in box.values()  # who was there a moment ago is still there
+    clock.advance(2.0)
+    await put(["r3"])
+    assert set(box.values()) == {"r1", "r3"}
+
+
+async def test_silence_alone_makes_a_mailbox_forget_nobody(network: Network) -> None:
+    clock = ManualClock()
+    reader = await network.open(clock)
+    box = reader.every(channels.VELOCITY, "*")
+    await linked(lambda v: network.put(f"{network.realm}/velocity/r1", plain(v)), box)
+    key = f"{network.realm}/velocity/r1"
+    network.put(key, plain(0.1, stamp=1000.0))
+    await within(2, box.next(), "the one before the freeze")
+    clock.advance(600.0)
+    network.put(f"{network.realm}/velocity/r2", plain(0.2))
+    network.put(key, plain(0.1, stamp=1001.0))
+    backlog = [await within(2, box.next(), "what was sent in the freeze") for _ in range(2)]
+    assert {got.name: got.delay > 500.0 for got in backlog} == {"r1": True, "r2": False}
+
+
+@pytest.mark.parametrize(("size", "rejected"), [(8 * 2**20, 0), (8 * 2**20 + 1, 1)])
+async def test_a_payload_is_taken_up_to_8_mib(size: int, rejected: int) -> None:
+    network, unread = MemoryNetwork(), []
+    async with make_bus(network.link()) as reader:
+        box = reader.every(channels.CAMERA, "north")
+        frame = Frame(stamp=_NOW, width=4096, height=2048, format="grey", data=b"")
+        payload = encode(msgspec.structs.replace(frame, data=bytes(size - len(encode(frame)) - 3)))
+        assert len(payload) == size
+        network.put("muro/camera/north", payload)
+        unread = box.drain()
+        assert (len(unread), reader.counters["camera"].rejected) == (1 - rejected, rejected)
+
+
+async def test_an_order_of_more_than_8_mib_is_refused_unread(network: Network) -> None:
+    base, operator = await network.open(), await network.open()
+    base.answer(channels.SET_BEHAVIOUR, lambda order: Reply(accepted=True))
+    await asked(operator)
+    order = SetBehaviour(behaviour="x" * (8 * 2**20))
+    reply = await within(10, operator.ask(channels.SET_BEHAVIOUR, order, timeout=seconds(5)), "the answer")
+    assert not reply.accepted
+    assert "expected at most 8388608" in reply.reason
+
+
+async def asked(bus: Bus) -> None:
+    """Return when small orders are answered."""
+    while True:
+        with contextlib.suppress(NoReply):
+            await bus.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold"))
+            return
 
 
 @pytest.mark.parametrize("name", ["R1", "a b", "x" * 33, "9"])

@@ -13,9 +13,20 @@ import pytest_asyncio
 
 from muro_zenoh import channels, geometry
 from muro_zenoh.config import find_scenario
-from muro_zenoh.messages import Calibration, Circle, FleetSnapshot, Health, RobotState, Truth, VelocityCommand
+from muro_zenoh.messages import (
+    Calibration,
+    Circle,
+    FleetSnapshot,
+    Health,
+    PlannedPath,
+    RobotState,
+    Truth,
+    VelocityCommand,
+)
+from muro_zenoh.scoring import reports
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
+from muro_zenoh.scoring.reports import keep_newest
 from muro_zenoh.scoring.view import view_of
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.clock import ManualClock
@@ -258,3 +269,37 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     assert view.radius_error == pytest.approx(0.1)
     assert view.spacing_error == pytest.approx(1.5708, abs=1e-4)
     assert view.restarts == 3
+
+
+async def test_a_path_that_is_none_ends_nothing(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+    collecting = asyncio.create_task(lab.collector._collect_paths())
+    await lab.settle()
+    publisher = lab.bus("r1").publisher(channels.PATH, "r1")
+    for length in (-1.0, 1.0):
+        publisher.put(PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((length, 0.0),)))
+        await lab.settle()
+    assert not collecting.done()
+    assert [planned.path.length for planned in lab.collector._planned["r1"]] == [1.0]
+    assert "r1 published no path" in caplog.text
+    collecting.cancel()
+    await asyncio.wait({collecting})
+
+
+def test_of_what_is_collected_the_newest_are_kept() -> None:
+    items: list[int] = []
+    for k in range(1000):
+        items.append(k)
+        keep_newest(items, 10)
+        assert items[-1] == k
+        assert min(10, k + 1) <= len(items) < 20
+    assert items == list(range(items[0], 1000))
+
+
+async def test_measurements_do_not_fill_the_memory(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reports, "_MOST_MEASUREMENTS", 100)
+    lab.collector.begin()
+    for _ in range(20):
+        await lab.health("r1", samples={"pose_age_s": (0.1,) * 50, "pose_to_command_s": (0.01,) * 50})
+    agents = lab.collector._agents
+    assert 100 <= len(agents.pose_age) < 200
+    assert 100 <= len(agents.pose_to_command) < 200

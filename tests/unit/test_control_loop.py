@@ -352,3 +352,54 @@ def test_after_the_last_command_there_is_none() -> None:
     assert loop.update(T0 + 0.2, [(T0 + 0.2, fix())], [], NOTHING) == []
     assert loop.want(T0 + 0.2, FORWARD) == []
     assert loop.take_stop(T0 + 0.2, StopOrder(all=True, revision=9)) == []
+
+
+# ---- what no camera and no wheels can have said
+
+
+@pytest.mark.parametrize(("age", "taken"), [(0.0, True), (0.99, True), (1.01, False), (1e9, False), (-0.01, False)])
+def test_a_fix_that_is_not_of_the_last_second_is_refused_and_counted(age: float, taken: bool) -> None:
+    loop = ControlLoop("r1", ROBOT)
+    loop.update(T0, [(T0 - age, fix())], [], NOTHING)
+    assert loop.fixes == (1 if taken else 0)
+    assert loop.refused == ({} if taken else {"fix untimely": 1})
+    # Begun a thousand years ago, the filter would be busy for as long; begun in the future, it would wait for it.
+    loop.update(T0 + 0.05, [(T0 + 0.05, fix())], [], NOTHING)
+    assert loop.fixes == (2 if taken else 1)
+
+
+@pytest.mark.parametrize(
+    ("age", "v", "omega", "taken"),
+    [
+        (0.0, 1.9, 0.0, True),
+        (0.99, -1.9, 5.9, True),
+        (1.01, 0.1, 0.0, False),
+        (-0.01, 0.1, 0.0, False),
+        (1e9, 0.1, 0.0, False),
+        (0.0, 2.1, 0.0, False),
+        (0.0, 0.0, -6.1, False),
+        (0.0, 1e11, 0.0, False),
+    ],
+)
+def test_odometry_that_these_wheels_cannot_have_sent_is_refused_and_counted(
+    age: float, v: float, omega: float, taken: bool
+) -> None:
+    loop = free()
+    loop.update(T0 + 1.0, [], [(T0 + 1.0 - age, v, omega)], NOTHING)
+    assert loop.refused == ({} if taken else {"odometry": 1})
+
+
+def test_why_a_fix_was_not_used_is_counted() -> None:
+    loop = free()
+    far = PoseFix(x=9.0, y=9.0, theta=0.0, covariance=ACCURATE, camera="north", age=0.0)
+    flat = PoseFix(x=0.0, y=0.0, theta=0.0, covariance=(0.0,) * 9, camera="north", age=0.0)
+    loop.update(T0 + 0.1, [(T0 + 0.1, far), (T0 + 0.1, flat)], [], NOTHING)
+    assert loop.refused == {"fix gated": 1, "fix bad covariance": 1}
+
+
+def test_the_names_of_an_absurd_order_are_not_remembered() -> None:
+    loop = free(Forward())
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=2**60))
+    loop.update(T0 + 0.1, [], [], NOTHING)
+    assert loop.seen is not None
+    assert loop.seen.stopped == frozenset()

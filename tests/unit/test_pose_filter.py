@@ -139,6 +139,23 @@ def test_a_covariance_that_is_none_is_refused() -> None:
     assert room.at(0.0) is None
 
 
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        (1e-300, 0.0, 0.0, 0.0, 1e-300, 0.0, 0.0, 0.0, 1e-4),
+        (1e-13, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-4),
+        (1e-6, 0.0, 0.0, 0.0, 1e7, 0.0, 0.0, 0.0, 1e-4),
+        (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e12),
+        (1e2, 1e2 - 1e-9, 0.0, 1e2 - 1e-9, 1e2, 0.0, 0.0, 0.0, 1e-4),  # definite, by rounding only
+        (1e-6, 0.0, 0.0, 0.0, 1e-6, 1e-5 - 1e-13, 0.0, 1e-5 - 1e-13, 1e-4),
+    ],
+)
+def test_a_covariance_that_cannot_be_calculated_with_is_refused(covariance: tuple[float, ...]) -> None:
+    # Its sum with the filter's own may be singular in floats, and the division by its determinant ends the agent.
+    room = PoseFilter(FilterSettings())
+    assert room.fix(0.0, 1.0, 1.0, 0.0, covariance).reason == "bad covariance"
+
+
 def test_outliers_are_gated() -> None:
     room = Room(4)
     room.run(1.0, circling)

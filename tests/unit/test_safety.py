@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from muro_zenoh.geometry import STILL, Twist2
 from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
-from muro_zenoh.safety.stop import StopLatch
+from muro_zenoh.safety.stop import FAR, StopLatch
 
 # ---- the stop latch
 
@@ -106,6 +106,26 @@ def test_an_absurd_revision_stops_but_lifts_nothing_and_is_not_remembered(absurd
 def test_an_absurd_revision_is_no_stop_state() -> None:
     assert not receive(StopLatch(), 2**53 + 1).received
     assert receive(StopLatch(), 2**53).revision == 2**53
+
+
+@pytest.mark.parametrize("poison", [5 + FAR, 5 + FAR + 1, 2**40, 2**53 - 1, 2**53])
+def test_a_revision_that_is_far_ahead_does_not_outlast_the_next_true_order(poison: int) -> None:
+    # Whoever said it: the base station has counted to 5 and goes on from there.
+    poisoned = receive(FREE, poison, all_robots=True)
+    assert poisoned.stopped
+    assert receive(poisoned, 5).stopped  # the state that is repeated lifts nothing
+    assert receive(poisoned, 6).may_drive
+    assert receive(receive(poisoned, 5, "r1"), 6).may_drive
+
+
+def test_an_order_that_is_a_little_behind_stays_older() -> None:
+    stopped = receive(FREE, 5 + FAR - 1, all_robots=True)
+    assert receive(stopped, 5).stopped
+
+
+def test_an_operator_who_knows_no_revision_makes_nobody_forget_his() -> None:
+    assert receive(FREE, 0, "r2") == FREE
+    assert receive(FREE, 0, "r1").revision == FREE.revision
 
 
 def test_a_newer_order_by_name_replaces_an_order_to_all() -> None:

@@ -17,7 +17,7 @@ from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.errors import ConfigError, OrderRefused
 from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
-from muro_zenoh.safety.stop import StopLatch
+from muro_zenoh.safety.stop import FAR, StopLatch
 from tests.support.waiting import seconds
 
 
@@ -491,6 +491,59 @@ def test_a_change_is_newer_than_all_that_was_changed_before() -> None:
     apart = msgspec.structs.replace(fresh().state, revision=3, stop_revision=9)
     assert apart.with_stop(("r1",), everybody=False).stop_revision == 10
     assert msgspec.structs.replace(apart, revision=12).with_stop((), everybody=True).stop_revision == 13
+
+
+@pytest.mark.parametrize(
+    "poison", [1, 6, 1000, FAR - 1, FAR, 2 * FAR, 2**40, 2**52, 2**53 - 1, 2**53, 2**53 + 1, 2**64 - 1]
+)
+@pytest.mark.parametrize("latched", [False, True])
+@pytest.mark.parametrize("received", [False, True])
+async def test_every_stop_can_be_lifted_whatever_revision_a_robot_has_received(
+    poison: int, latched: bool, received: bool
+) -> None:
+    """Both sides as they talk: the robot receives what is kept, reports, and is adopted from; then one resume."""
+    kept = fresh()
+    robot = StopLatch()
+
+    def talk() -> None:
+        nonlocal robot
+        for _ in range(3):
+            kept.adopt("r1", reports(robot.stopped, max(robot.revision, 0), robot.all_robots))
+            order = kept.stop
+            robot = robot.receive("r1", all_robots=order.all, names=order.names, revision=order.revision)
+
+    if received:  # one that has just started knows nothing, and believes the first that it receives
+        talk()
+    robot = robot.receive("r1", all_robots=latched, names=(), revision=poison)
+    talk()
+    await kept.add_stop(Stop(names=()))
+    talk()
+    assert robot.stopped
+    await kept.resume(Resume(revision=kept.stop.revision))
+    talk()
+    assert robot.may_drive
+    assert stopped(kept) == (False, ())
+    assert kept.stop.revision <= 2 * FAR
+
+
+@pytest.mark.parametrize("revision", [2**53 - 1, 2**53, 2**53 + 1, 2**60])
+async def test_a_file_with_a_revision_that_nobody_believes_is_counted_anew(tmp_path: Path, revision: int) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.add_stop(Stop(names=()))
+    kept.close()
+    state = json.loads(path.read_text())
+    path.write_text(json.dumps({**state, "revision": revision, "stop_revision": revision}))
+    kept = fresh(path)
+    assert stopped(kept) == (True, ())
+    robot = StopLatch().receive("r1", all_robots=True, names=(), revision=min(revision, 2**53))
+    for order in (kept.stop, None):
+        if order is None:
+            await kept.resume(Resume(revision=kept.stop.revision))
+            order = kept.stop
+        robot = robot.receive("r1", all_robots=order.all, names=order.names, revision=order.revision)
+    assert robot.may_drive
+    kept.close()
 
 
 # ---- the file

@@ -15,12 +15,15 @@ import pytest
 
 from basestation.fleet.state_store import StateStore
 from basestation.localization.localizer import Localizer
+from basestation.localization.sightings import Sighting, Sightings
 from basestation.station import Station
+from basestation.tasks.positions import PositionsTask
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import TransportError
+from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import Clear, Estimate, Frame, Health, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
@@ -390,3 +393,31 @@ async def test_a_resume_that_a_stop_overtakes_lifts_nothing(tmp_path: Path, monk
         refused = await resuming
         assert (refused.accepted, "an order came in between" in refused.reason) == (False, True)
         assert StateStore(LAB, path).stop.names == ("r1", "r2")
+
+
+def test_a_fix_that_is_captured_in_the_future_does_not_keep_the_true_ones_out() -> None:
+    async def main() -> None:
+        async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
+            positions = PositionsTask(bus, ["r1"])
+            poses, snapshots = there.bus.every(channels.POSE, "r1"), there.bus.latest(channels.ALL_POSITIONS)
+            for ahead, x in ((40.0, 1.0), (0.0, 2.0)):
+                await asyncio.sleep(0.05)
+                seen = (Sighting("r1", Pose2(x, 0.0, 0.0), (1e-6, 0, 0, 0, 1e-6, 0, 0, 0, 1e-6)),)
+                positions._take(Sightings(camera="north", captured=there.bus.clock.now() + ahead, robots=seen))
+            newest = snapshots.get()
+            assert newest is not None
+            assert [(robot.x, robot.age) for robot in newest.message.robots] == [(2.0, 0.0)]
+            assert [fix.message.age for fix in poses.drain()] == [0.0, 0.0]
+
+    run_virtually(main())
+
+
+def test_stale_frames_are_counted_and_show_nobody() -> None:
+    async def main() -> None:
+        async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
+            positions = PositionsTask(bus, ["r1"])
+            for quality in ("good", "stale", "bad", "stale"):
+                positions._take(Sightings(camera="north", captured=there.bus.clock.now(), frame=quality))
+            assert (positions.frames, positions.bad_frames, positions.stale_frames) == (2, 1, 2)
+
+    run_virtually(main())
