@@ -48,7 +48,7 @@ _INTENT_TIMEOUT = 0.25
 _FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
 
 _FASTEST = 4.0
-"""Wheels that report more than this multiple of what is ever commanded report nonsense."""
+"""Odometry faster than this multiple of the robot's limits is invalid."""
 
 
 class Surroundings(NamedTuple):
@@ -211,7 +211,7 @@ class ControlLoop:
             log.warning("the fixes disagree with the track: restarting the filter at (%.2f, %.2f)", fix.x, fix.y)
 
     def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
-        """Whether an odometry is of about now, and of wheels that these could be."""
+        """Whether odometry has a recent time and speeds that these wheels could have."""
         return (
             now - _FILTER.history <= t <= now
             and abs(v) <= _FASTEST * self._robot.v_max

@@ -15,7 +15,7 @@ from muro_zenoh.config import Scenario, check_settings
 from muro_zenoh.errors import ConfigError, OrderRefused, ParameterError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Name, Resume, SetBehaviour, SetCircle, Value
-from muro_zenoh.safety.stop import FAR, MOST_REVISION
+from muro_zenoh.safety.stop import MAX_REVISION, MAX_REVISION_GAP
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,7 +87,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         new = self
         if self.circle != scenario.circle and not _has_room(self.circle, scenario):
             new = new._changed(circle=scenario.circle)
-        if new._next_revision(0) > MOST_REVISION:
+        if new._next_revision(0) > MAX_REVISION:
             # No robot would believe it. A new count is far behind whatever they have received, and so it is newer.
             new = msgspec.structs.replace(new, revision=1, stop_revision=1, lifted_revision=0)
         missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
@@ -218,7 +218,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def _is_near(self, revision: int) -> bool:
         """Whether somebody else's revision may be of this count; the robots take any of ours for newer than one that is
         far ahead of it."""
-        return revision < max(self.revision, self.stop_revision) + FAR
+        return revision < max(self.revision, self.stop_revision) + MAX_REVISION_GAP
 
 
 def _fleet(scenario: Scenario, names: Iterable[str]) -> list[Vehicle]:

@@ -91,7 +91,7 @@ class PositionsTask:
         if sightings.frame == "bad":
             self.bad_frames += 1
             return
-        # One that is captured in the future would keep the true ones out until then.
+        # A fix captured in the future would keep valid ones out until then.
         captured = min(sightings.captured, self._clock.now())
         for robot in sightings.robots:
             now = self._clock.now()

@@ -116,7 +116,7 @@ class Coverage(Behaviour):
 
     def _look(self, snapshot: Snapshot, seen: Seen) -> ShownCell | None:
         now = snapshot.stamp
-        # The clock of a restarted base station may be behind; and a stamp far ahead was not the base station's.
+        # The clock of a restarted base station may be behind; a stamp far ahead was from another writer.
         if snapshot.epoch != self._epoch or now < self._stamp - _WENT_BACK:
             self._epoch, self._round = snapshot.epoch, Round()
             self._stamp = self._shown_at = -math.inf

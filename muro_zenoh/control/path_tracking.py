@@ -78,7 +78,7 @@ def frenet_law(lateral: Scalar, dtheta: Scalar, curvature: Scalar, v: Scalar, ga
 
 
 _TURN = 0.9 * math.pi
-"""Beyond half a turn the far side of a tight arc is nearer than the point beside the robot [rad]."""
+"""Maximum turn of the path within the search [rad]; beyond half a turn the far side of a tight arc may be nearest."""
 
 
 class PathError(NamedTuple):
@@ -105,8 +105,8 @@ def path_error(path: Path, pose: Pose2, s: float, behind: float = 0.1, ahead: fl
         pose: the robot's pose [world].
         s: the distance along the path at the previous step [m]; 0 at first.
         behind: how far back to search for the nearest point [m].
-        ahead: how far forward to search [m]; more than a robot drives in one step. Neither way further than the path
-            takes to turn by :data:`_TURN`.
+        ahead: how far forward to search [m]; more than a robot drives in one step. In both directions the search ends
+            where the path has turned by :data:`_TURN`.
     """
     s = path.project(pose.x, pose.y, s - path.reach(s, -behind, _TURN), s + path.reach(s, ahead, _TURN))
     there = path.pose_at(s)

@@ -1,4 +1,4 @@
-"""The base of every message, and the check that its numbers can be calculated with."""
+"""The base of every message, and the check that its numbers are finite and not absurdly large."""
 
 from __future__ import annotations
 
@@ -37,8 +37,7 @@ def require_names(names: tuple[str, ...]) -> None:
 
 
 LARGEST = 1e12
-"""Greater numbers are refused: nothing here is so far away, so old or so fast, and the square of one that is overflows
-in the midst of a law."""
+"""Greater numbers are refused: no distance, age or speed is as large, and their squares could overflow in a law."""
 
 Value = bool | int | float | str | tuple[float | str | tuple[float, ...], ...]
 """The type of a behaviour's parameter."""
@@ -62,7 +61,7 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         length = math.hypot(*scalars(self))
         for name in vectors:
             length = math.hypot(length, *getattr(self, name))
-        # One call tests all numbers, NaN and the infinities too; only if it fails is the field searched for.
+        # One call tests all numbers, including NaN and infinities; only if it fails is the field searched for.
         if not length <= LARGEST:
             others = tuple(field.name for field in msgspec.structs.fields(type(self)))
         for name in others:
@@ -95,18 +94,18 @@ def _holds_float(annotation: Any) -> bool:
 
 
 def require_usable(field: str, value: Any) -> None:
-    """Refuse NaN, the infinities and numbers beyond :data:`LARGEST`, in a value and in what it holds.
+    """Refuse NaN, infinities and numbers beyond :data:`LARGEST` in a value and in its items.
 
     Args:
         field: the value's name, for the error.
         value: a number, or a tuple or dict of values; other types pass.
 
     Raises:
-        ValueError: a number is none of these.
+        ValueError: a number is refused.
     """
     if isinstance(value, float):
         if not abs(value) <= LARGEST:
-            raise ValueError(f"{field}: got {value}, expected a finite number, of at most {LARGEST:g}")
+            raise ValueError(f"{field}: got {value}, expected a finite number of at most {LARGEST:g}")
     elif isinstance(value, tuple):
         for item in value:
             require_usable(field, item)

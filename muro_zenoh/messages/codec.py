@@ -18,10 +18,10 @@ VERSION = 1
 """Version of all message layouts; it is part of the encoding, as in ``application/msgpack;PoseFix.1``."""
 
 MAX_PAYLOAD = 8 * 2**20
-"""A payload above this is rejected unread [bytes]; a 1080p grey frame is 2 MB."""
+"""Larger payloads are rejected without decoding [bytes]; a 1080p grey frame is 2 MB."""
 
 LAST_STAMP = 1e11
-"""A later one is no time [s since 1970]: the year is 5138."""
+"""Later stamps are invalid [s since 1970]; it is in the year 5138."""
 
 M = TypeVar("M", bound=Message)
 
@@ -39,7 +39,7 @@ def decode(data: bytes, kind: type[M]) -> M:
 
     Raises:
         MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
-            a number that is not finite or absurdly large, no stamp or one that is no time.
+            a number that is not finite or absurdly large, no stamp or an invalid one.
     """
     message: M = decoder(kind)(data)
     return message
@@ -67,13 +67,13 @@ def decoder(kind: type[M]) -> Callable[[bytes], M]:
 
 
 def check_size(payload: bytes) -> None:
-    """Refuse more than any message needs, before it is decoded.
+    """Refuse a payload that is larger than any message, before it is decoded.
 
     Args:
         payload: the bytes.
 
     Raises:
-        MessageError: there are more than :data:`MAX_PAYLOAD`.
+        MessageError: it is larger than :data:`MAX_PAYLOAD`.
     """
     if len(payload) > MAX_PAYLOAD:
         raise MessageError(f"got {len(payload)} bytes, expected at most {MAX_PAYLOAD}")

@@ -104,12 +104,12 @@ class Path:
         return self.segments[self._segment_at(s)].curvature if self.segments else 0.0
 
     def reach(self, s: float, distance: float, turn: float) -> float:
-        """How far along the path one gets from a point before it has turned by an angle [m].
+        """The distance along the path from a point until the path has turned by an angle [m].
 
         Args:
-            s: where on the path [m].
-            distance: how far at most [m]; below 0: backwards.
-            turn: the angle, left and right turns added up [rad].
+            s: the point, as the distance along the path [m].
+            distance: maximum distance [m]; below 0 backwards.
+            turn: the angle, the sum of left and right turns [rad].
         """
         low, high = min(s, s + distance), max(s, s + distance)
         pieces = [

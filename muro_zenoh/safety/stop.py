@@ -6,25 +6,26 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
-MOST_REVISION: Final = 2**53
+MAX_REVISION: Final = 2**53
 """A greater revision is ignored: integers above it are not exact in every language, and no count of orders reaches it.
 If it were accepted, no later order could lift the stop."""
 
-FAR: Final = 2**20
-"""Two revisions this far apart belong to different counts: no robot misses a million orders."""
+
+MAX_REVISION_GAP: Final = 2**20
+"""Revisions further apart than this belong to different counts: no robot misses a million orders."""
 
 
 def is_newer(revision: int, than: int) -> bool:
     """Whether an order is newer than another one.
 
-    One that is far behind is, too: the other one came from a stranger, or from a base station that has lost its file
-    since, and must not keep today's orders from being obeyed.
+    An order whose revision is far behind counts as newer: the other one is from a base station that has lost its file
+    since, or from a foreign program, and must not block the current orders.
 
     Args:
         revision: the order's revision.
         than: the other's revision.
     """
-    return revision > than or revision <= than - FAR
+    return revision > than or revision <= than - MAX_REVISION_GAP
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ class StopLatch:
             names: the robots that it stops.
             revision: the order's revision.
         """
-        if revision > MOST_REVISION or (self.received and revision >= self.revision + FAR):
+        if revision > MAX_REVISION or (self.received and revision >= self.revision + MAX_REVISION_GAP):
             revision = 0
         newer = revision > 0 and is_newer(revision, self.revision)
         newest = revision if newer else max(self.revision, 0)

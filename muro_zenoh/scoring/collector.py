@@ -25,9 +25,9 @@ log = logging.getLogger(__name__)
 TRUTH_TIMEOUT: Final = 0.5
 """Maximum age of a truth message [s]; the simulator sends 20 a second."""
 
-_MOST_PATHS: Final = 10_000
-_MOST_SAMPLES: Final = 24 * 36_000
-"""Of a run that is longer than a day the last day is judged."""
+_MAX_PATHS: Final = 10_000
+_MAX_SAMPLES: Final = 24 * 36_000
+"""Number of samples kept: those of the last day."""
 
 _CIRCLING: Final = 10.0
 """Calibrations are evaluated after this time on the circle [s]."""
@@ -156,7 +156,7 @@ class Collector:
             self._seen.update(robot.name for robot in snapshot.message.robots)
         if self._began is not None:
             self._samples.append(self.latest)
-            keep_newest(self._samples, _MOST_SAMPLES)
+            keep_newest(self._samples, _MAX_SAMPLES)
             self._note_circling(self.latest)
 
     @property
@@ -192,10 +192,10 @@ class Collector:
             try:
                 path = Path(Pose2(m.x, m.y, m.theta), tuple(Segment(*segment) for segment in m.segments))
             except ValueError as error:
-                log.warning("%s published no path: %s", received.name, error)
+                log.warning("%s published an invalid path: %s", received.name, error)
                 continue
             planned.append(Planned(self.elapsed, path))
-            keep_newest(planned, _MOST_PATHS)
+            keep_newest(planned, _MAX_PATHS)
 
     async def _collect_commands(self, commands: Every[VelocityCommand]) -> None:
         async for received in commands:

@@ -10,16 +10,16 @@ from muro_zenoh.messages import Health
 T = TypeVar("T")
 
 
-_MOST_MEASUREMENTS = 1_000_000
-"""Of thirty robots with a camera at 20 Hz these are the last half hour."""
+_MAX_MEASUREMENTS = 1_000_000
+"""Number of measurements kept: of thirty robots with a camera at 20 Hz the last half hour."""
 
 
 def keep_newest(items: list[T], most: int) -> None:
-    """Drop the oldest items of a list that has grown to twice as many as are kept.
+    """Drop the oldest items when a list has grown to twice its limit.
 
     Args:
         items: the list.
-        most: how many are kept.
+        most: how many items to keep.
     """
     if len(items) >= 2 * most:
         del items[:-most]
@@ -106,7 +106,7 @@ class AgentReports:
         count.add(health)
         for key, collected in (("pose_age_s", self.pose_age), ("pose_to_command_s", self.pose_to_command)):
             collected += health.samples.get(key, ())
-            keep_newest(collected, _MOST_MEASUREMENTS)
+            keep_newest(collected, _MAX_MEASUREMENTS)
 
     def fix_rate(self, name: str) -> float | None:
         """Reported accepted fixes per second of scenario time [Hz].

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from muro_zenoh.geometry import STILL, Twist2
 from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
-from muro_zenoh.safety.stop import FAR, StopLatch
+from muro_zenoh.safety.stop import MAX_REVISION_GAP, StopLatch
 
 # ---- the stop latch
 
@@ -108,7 +108,7 @@ def test_an_absurd_revision_is_no_stop_state() -> None:
     assert receive(StopLatch(), 2**53).revision == 2**53
 
 
-@pytest.mark.parametrize("poison", [5 + FAR, 5 + FAR + 1, 2**40, 2**53 - 1, 2**53])
+@pytest.mark.parametrize("poison", [5 + MAX_REVISION_GAP, 5 + MAX_REVISION_GAP + 1, 2**40, 2**53 - 1, 2**53])
 def test_a_revision_that_is_far_ahead_does_not_outlast_the_next_true_order(poison: int) -> None:
     # Whoever said it: the base station has counted to 5 and goes on from there.
     poisoned = receive(FREE, poison, all_robots=True)
@@ -119,7 +119,7 @@ def test_a_revision_that_is_far_ahead_does_not_outlast_the_next_true_order(poiso
 
 
 def test_an_order_that_is_a_little_behind_stays_older() -> None:
-    stopped = receive(FREE, 5 + FAR - 1, all_robots=True)
+    stopped = receive(FREE, 5 + MAX_REVISION_GAP - 1, all_robots=True)
     assert receive(stopped, 5).stopped
 
 
