@@ -466,10 +466,12 @@ async def test_a_revision_that_no_count_can_reach_stops_but_is_not_adopted(absur
     assert decode(encode(msgspec.structs.replace(kept.stop, stamp=1.0)), StopOrder).revision < 100
 
 
-async def test_a_revision_that_a_count_can_just_reach_is_adopted() -> None:
+@pytest.mark.parametrize(("ahead", "adopted"), [(2**20 - 1, True), (2**20, False), (2**53 - 1, False)])
+async def test_a_revision_less_than_a_million_ahead_is_of_this_count_and_adopted(ahead: int, adopted: bool) -> None:
     kept = fresh()
-    assert kept.adopt("r1", reports(False, 2**53))
-    assert kept.stop.revision == 2**53 + 1
+    known = kept.stop.revision
+    assert (kept.adopt("r1", reports(False, known + ahead)) is not None) == adopted
+    assert kept.stop.revision == (known + ahead + 1 if adopted else known)
 
 
 def test_a_change_is_newer_than_all_that_was_changed_before() -> None:
