@@ -89,7 +89,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             new = new._changed(circle=scenario.circle)
         if new._next_revision(0) > MOST_REVISION:
             # No robot would believe it. A new count is far behind whatever they have received, and so it is newer.
-            new = msgspec.structs.replace(new, revision=1, stop_revision=1)
+            new = msgspec.structs.replace(new, revision=1, stop_revision=1, lifted_revision=0)
         missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
         return new._changed(behaviour={**new.behaviour, **missing}) if missing else new
 

@@ -340,6 +340,10 @@ async def test_messages_that_were_stale_on_arrival_are_counted(late: float, coun
     assert box.counters.late == counted
 
 
+def test_a_payload_may_have_eight_mebibytes() -> None:
+    assert codec.MAX_PAYLOAD == 8_388_608
+
+
 async def test_keys_are_bounded_while_they_wait_and_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inbox, "_MAX_KEYS", 2)
     box = Box(Latest)

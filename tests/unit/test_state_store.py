@@ -466,12 +466,25 @@ async def test_a_revision_that_no_count_can_reach_stops_but_is_not_adopted(absur
     assert decode(encode(msgspec.structs.replace(kept.stop, stamp=1.0)), StopOrder).revision < 100
 
 
-@pytest.mark.parametrize(("ahead", "adopted"), [(2**20 - 1, True), (2**20, False), (2**53 - 1, False)])
-async def test_a_revision_less_than_a_million_ahead_is_of_this_count_and_adopted(ahead: int, adopted: bool) -> None:
+async def test_a_revision_that_robots_can_have_missed_is_adopted_and_one_of_another_count_is_not() -> None:
     kept = fresh()
     known = kept.stop.revision
-    assert (kept.adopt("r1", reports(False, known + ahead)) is not None) == adopted
-    assert kept.stop.revision == (known + ahead + 1 if adopted else known)
+    assert kept.adopt("r1", reports(False, known + 2**20)) is None
+    assert kept.stop.revision == known
+    assert kept.adopt("r1", reports(False, known + 2**20 - 1))
+    assert kept.stop.revision == known + 2**20
+
+
+async def test_a_count_that_begins_again_forgets_what_was_lifted(tmp_path: Path) -> None:
+    """No robot accepts a revision above 2**53, so a state that has reached it is counted anew from 1."""
+    path = tmp_path / "state.json"
+    end = msgspec.structs.replace(fresh().state, revision=2**53, stop_revision=2**53, lifted_revision=2**53)
+    path.write_bytes(msgspec.json.encode(end))
+    kept = fresh(path)
+    assert kept.stop.revision == 1
+    # What a robot has latched since is newer than any resume of this count.
+    assert kept.adopt("r1", reports(True, 1))
+    assert kept.stop.names == ("r1",)
 
 
 def test_a_change_is_newer_than_all_that_was_changed_before() -> None:
