@@ -1,6 +1,7 @@
 # make demo          five simulated robots on a circle, from a fresh clone
 # make test          the whole suite;  make test-fast leaves out what takes long
 # make check         lint, format, types, layers
+# make mutants       break what keeps robots from driving, and see the tests fail;  MODULE=safety  a part of it
 # make PYTHON=python3.12 ...   with another Python, 3.11 or newer
 
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 PACKAGES := muro_zenoh agents basestation
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-fast check clean
+.PHONY: help setup demo test test-fast check mutants clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -31,8 +32,11 @@ check: $(VENV)/.for-tests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+mutants: $(VENV)/.for-mutants
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tests.mutants $(MODULE)
+
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants
 	find $(PACKAGES) tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # What a run needs. Bytecode is compiled now: thirteen processes start at once, and none of them should have to.
@@ -46,4 +50,8 @@ $(VENV)/.for-runs: pyproject.toml constraints.txt
 
 $(VENV)/.for-tests: $(VENV)/.for-runs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
+
+$(VENV)/.for-mutants: $(VENV)/.for-tests
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutants]'
 	@touch $@

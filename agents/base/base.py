@@ -56,7 +56,7 @@ class Base:
         if command.epoch != self._writer:
             self._change_writer(command.epoch, now)
         self._expires = now - age + DEAD_MAN
-        if now < self._contested or self._wheels.read().hazard:
+        if now <= self._contested or self._wheels.read().hazard:
             self.stop()
             return
         if self._dead:
@@ -78,7 +78,7 @@ class Base:
         """Two processes that command at once (an agent started twice, a foreign program) would drive in turns, and a
         stop received by only one of them would have no effect: neither is followed while commands of both are fresh."""
         if now <= self._expires:
-            if now >= self._contested:
+            if now > self._contested:
                 log.warning(
                     "%s: two processes command these wheels, so they are stopped: is an agent running twice?",
                     self._name,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from muro_zenoh.safety.stop import StopLatch
 
 
@@ -24,7 +26,7 @@ def reasons_to_hold(
     # Written so that a NaN is a reason too.
     if not fix_age <= fix_limit:
         never = "no pose yet: waiting for a camera to see this robot"
-        reasons.append(never if fix_age == float("inf") else f"no pose for {fix_age:.1f} s")
+        reasons.append(never if fix_age == math.inf else f"no pose for {fix_age:.1f} s")
     if hold:
         reasons.append(hold)
     elif not twist_age <= twist_limit:

@@ -13,10 +13,14 @@ import msgspec
 import pytest
 import pytest_asyncio
 
+from agents.base import run
 from agents.base.base import DEAD_MAN, Base
-from agents.base.run import run_base, run_bases
+from agents.base.run import run_base, run_base_process, run_bases
 from agents.base.wheels import WheelReading
 from muro_zenoh import channels
+from muro_zenoh.channels import Role
+from muro_zenoh.config import parse_scenario
+from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, MemoryNetwork, Received, make_bus
@@ -476,6 +480,71 @@ async def test_a_flood_of_commands_does_not_keep_the_base_from_its_beats() -> No
         left = 0
         task.cancel()
         await asyncio.wait({task})
+
+
+async def test_a_base_alone_subscribes_to_its_own_commands_and_several_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    names: list[str] = []
+    latest = Bus.latest
+    monkeypatch.setattr(Bus, "latest", lambda bus, channel, name="": names.append(name) or latest(bus, channel, name))
+    for wheels in ({"r1": Wheels()}, {"r1": Wheels(), "r2": Wheels()}):
+        async with make_bus(MemoryNetwork().link()) as bus:
+            task = asyncio.create_task(run_bases(bus, wheels, bus.clock))
+            await asyncio.sleep(0)
+            task.cancel()
+            await asyncio.wait({task})
+    assert names == ["r1", "*"]
+
+
+class TestTheProcess:
+    """The process of one base, on the in-memory bus."""
+
+    LAB = parse_scenario({"robots": 2, "all": {"base": "simulated"}}, "lab.toml", name="lab")
+
+    async def test_a_robot_that_the_settings_do_not_have_is_refused(self) -> None:
+        with pytest.raises(ConfigError, match=r"^base r9: got 'r9', expected one of r1, r2"):
+            await run_base_process(self.LAB, "r9")
+
+    async def test_wheels_that_are_not_there_are_refused(self) -> None:
+        with pytest.raises(ConfigError, match="nosuch"):
+            await run_base_process(
+                parse_scenario({"robots": 1, "all": {"base": "nosuch"}}, "lab.toml", name="lab"), "r1"
+            )
+
+    async def test_it_announces_itself_says_that_it_is_ready_and_drives_its_wheels(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        network, wheels = MemoryNetwork(), Wheels()
+        opened: list[object] = []
+        said: list[tuple[str, ...]] = []
+        made: list[object] = []
+
+        def bus(*given: object) -> Bus:
+            opened.extend(given)
+            return make_bus(network.link(), roles=[Role.BASE])
+
+        def find(word: str) -> Any:
+            made.append(word)
+            return lambda *given: made.extend(given) or wheels
+
+        monkeypatch.setattr(run, "open_bus", bus)
+        monkeypatch.setattr(run, "ready", lambda *given: said.append(given))
+        monkeypatch.setattr(run, "check_base", lambda *given: said.append(given))
+        monkeypatch.setattr(run, "find", find)
+        async with make_bus(network.link()) as agent:
+            states, roster = agent.latest(channels.BASE, "r2"), agent.roster()
+            task = asyncio.create_task(run_base_process(self.LAB, "r2"))
+            await within(5, states.next(), "the base's state")
+            assert roster.of("base") == {"r2"}
+            agent.publisher(channels.CMD_VEL, "r2").put(VelocityCommand(v=0.2, omega=0.1))
+            state = await within(5, states.next(), "the state with a command")
+            assert not state.message.dead_man
+            assert wheels.now == (0.2, 0.1)
+            task.cancel()
+            await asyncio.wait({task})
+        assert said == [(self.LAB, "r2", "lab"), ("base", "r2")]
+        assert opened == [self.LAB.bus, Role.BASE]
+        assert made[:2] == ["simulated", self.LAB.robot["r2"]]
+        assert len(made) == 3
 
 
 class TestClocksThatMakeNoSense:

@@ -126,6 +126,15 @@ def test_two_writers_by_turns_never_drive_and_are_logged_once(caplog: pytest.Log
     assert caplog.messages.count(warnings[0]) == 2
 
 
+def test_a_command_is_fresh_at_its_limit_beside_another_writers_too(caplog: pytest.LogCaptureFixture) -> None:
+    driven = Driven()
+    for epoch in (7, 8, 7, 8):
+        at = 0.0 if driven.wheels.now is None else 0.3
+        driven.base.obey(Received("r1", VelocityCommand(v=0.2, omega=0.1, epoch=epoch), at, 0.0, 0.0), at)
+    assert driven.wheels.commanded == [DRIVING, STILL, STILL, STILL]
+    assert sum("two processes" in message for message in caplog.messages) == 1
+
+
 def test_a_command_without_epoch_is_no_writer(caplog: pytest.LogCaptureFixture) -> None:
     driven = Driven()
     assert driven.obey(0.0, epoch=0) is None

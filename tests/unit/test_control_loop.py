@@ -86,6 +86,11 @@ def test_a_command_is_repeated_after_a_third_of_the_dead_mans_time(later: float,
     assert len(commands(loop.update(T0 + later, [], [], NOTHING))) == repeated
 
 
+def test_a_command_is_repeated_when_its_tenth_of_a_second_is_over() -> None:
+    loop = ControlLoop("r1", ROBOT)
+    assert [len(commands(loop.update(t, [], [], NOTHING))) for t in (0.0, 0.1, 0.2)] == [1, 1, 1]
+
+
 def test_zero_is_repeated_where_there_was_never_a_pose() -> None:
     loop = ControlLoop("r1", ROBOT)
     assert commands(loop.update(T0, [], [], NOTHING)) == [(0.0, 0.0)]
@@ -198,6 +203,15 @@ def test_a_robot_whose_behaviour_has_said_nothing_says_so() -> None:
     assert not loop.update(T0 + 1.05, [], [], NOTHING)[1:]  # zero is not sent with each estimate
 
 
+def test_before_the_first_pose_a_behaviour_that_is_stepped_is_not_blamed() -> None:
+    loop = ControlLoop("r1", ROBOT)
+    loop.take_stop(T0, StopOrder(all=False, revision=5))
+    loop.behave(Recorder(hold("not now")))
+    loop.update(T0 + 1.0, [], [], NOTHING)
+    assert len(loop.reasons) == 1
+    assert loop.reasons[0].startswith("no pose yet")
+
+
 def test_what_a_behaviour_sees_is_the_estimate_of_now_and_what_others_say() -> None:
     behaviour = Recorder()
     loop, pose_filter = converged(behaviour)
@@ -252,7 +266,12 @@ def test_odometry_is_believed_for_as_long_as_its_channel_says() -> None:
     loop = free()
     settings = loop._filter._settings
     assert (settings.odometry_timeout, settings.command_timeout) == (0.15, 0.3)
-    assert loop._filter._limits == ROBOT.wheels
+
+
+def test_the_filter_knows_this_robots_wheels() -> None:
+    slow = parse_scenario({"robot": {"r1": {"tag": 1, "lag": 0.3, "a_max": 0.25}}}, "lab.toml", name="lab").robot["r1"]
+    limits = ControlLoop("r1", slow)._filter._limits
+    assert (limits.lag, limits.a_max) == (0.3, 0.25)
 
 
 def test_a_command_makes_up_for_the_drive_scales_within_the_robots_limits() -> None:

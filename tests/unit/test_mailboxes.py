@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -29,15 +30,16 @@ class Box:
     Args:
         make: its class.
         depth: samples that it holds at most; None for its own choice.
+        stale_after: the age at which its messages do not count any longer [s].
     """
 
-    def __init__(self, make: Callable[..., Any], depth: int | None = None) -> None:
+    def __init__(self, make: Callable[..., Any], depth: int | None = None, stale_after: float = 0.5) -> None:
         self.clock = ManualClock()
         self.counters = Counters()
         loop = asyncio.get_running_loop()
         options = {} if depth is None else {"depth": depth}
         self.inbox = make(
-            Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", 0.5), **options
+            Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", stale_after), **options
         )
 
     def file(self, name: str, speed: float, encoding: str | None = ENCODING, stamp: float | None = None) -> None:
@@ -95,7 +97,7 @@ async def test_a_name_that_is_forgotten_is_not_waited_for_nor_kept() -> None:
     box.file("r2", 0.2)
     box.inbox.forget("r1")
     box.inbox.forget("r9")
-    assert box.inbox.get("r1") is None
+    assert set(box.inbox._newest) == {"r2"}
     assert await box.next() == ("r2", 0.2)
     assert box.inbox._take() is None
     box.file("r1", 0.3)
@@ -126,6 +128,11 @@ async def test_a_message_that_is_displaced_unread_is_counted(read: str) -> None:
         box.inbox.get("r2")
     box.file("r1", 0.2)
     assert box.counts() == (2, 1 if read == "not" else 0, 0)
+    box.inbox.get("r1")
+    for v in (0.3, 0.4, 0.5):
+        box.file("r1", v)
+        box.inbox.get("r2")
+    assert box.counters.dropped == (3 if read == "not" else 2)
 
 
 async def test_those_behind_the_newest_good_one_are_dropped_undecoded() -> None:
@@ -135,6 +142,10 @@ async def test_those_behind_the_newest_good_one_are_dropped_undecoded() -> None:
     box.garble("r1")
     assert speed(box.inbox.get("r1")) == 0.3
     assert box.counts() == (4, 2, 1)
+    for v in (0.4, 0.5):
+        box.file("r1", v)
+    assert speed(box.inbox.get("r1")) == 0.5
+    assert box.counts() == (6, 3, 1)
 
 
 @pytest.mark.parametrize(("garbled", "kept"), [(3, 0.1), (4, None)])
@@ -171,16 +182,17 @@ async def test_a_full_queue_drops_the_oldest_and_counts_it() -> None:
     assert await box.next() == ("r1", 0.1)
     for v in (0.3, 0.4):
         box.file("r2", v)
-    assert [speed(received) for received in box.inbox.drain()] == [0.3, 0.4]
-    assert box.counts() == (4, 1, 0)
+    box.file("r3", 0.5)
+    assert [speed(received) for received in box.inbox.drain()] == [0.4, 0.5]
+    assert box.counts() == (5, 2, 0)
 
 
 async def test_what_waits_for_the_loop_is_bounded_too() -> None:
     box = Box(Every, depth=2)
-    for v in (0.1, 0.2, 0.3):
+    for v in (0.1, 0.2, 0.3, 0.4):
         box.file("r1", v)
-    assert box.counts() == (3, 1, 0)
-    assert [speed(received) for received in box.inbox.drain()] == [0.2, 0.3]
+    assert box.counts() == (4, 2, 0)
+    assert [speed(received) for received in box.inbox.drain()] == [0.3, 0.4]
 
 
 async def test_a_queue_holds_64_messages_where_nothing_else_is_said() -> None:
@@ -275,21 +287,75 @@ async def test_a_payload_above_the_limit_is_rejected(limit: int, good: bool, mon
     assert box.counters.rejected == (not good)
 
 
-def test_the_limits_are_eight_mebibytes_and_a_thousand_keys() -> None:
-    assert (codec.MAX_PAYLOAD, inbox._MAX_KEYS) == (8_388_608, 1024)
+async def test_a_key_that_was_silent_for_a_minute_makes_room_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inbox, "_MAX_KEYS", 2)
+    box = Box(Latest)
+    box.file("r1", 0.1)
+    box.file("r2", 0.2)
+    assert set(box.inbox.values()) == {"r1", "r2"}
+    box.clock.advance(1.0)
+    box.file("r2", 0.2)
+    assert speed(box.inbox.get("r2")) == 0.2
+    box.clock.advance(58.5)  # r1 has been silent for 59.5 s
+    box.file("r3", 0.3)
+    assert box.inbox.get("r3") is None
+    box.clock.advance(1.0)  # 60.5 s
+    box.file("r3", 0.3)
+    assert speed(box.inbox.get("r3")) == 0.3
+    assert (set(box.inbox.values()), box.counters.rejected) == ({"r2", "r3"}, 1)
+
+
+async def test_a_thousand_keys_are_kept_and_no_more() -> None:
+    box = Box(Latest)
+    for k in range(1025):
+        box.file(f"r{k}", 0.1)
+    assert box.counts() == (1025, 0, 1)
+    assert len(box.inbox.values()) == 1024
+
+
+@pytest.mark.parametrize(("stale_after", "good"), [(0.5, False), (math.inf, True)])
+async def test_a_stamp_ahead_of_its_writers_clock_is_rejected_where_age_matters(
+    stale_after: float, good: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = Box(Every, stale_after=stale_after)
+    for _ in range(10):
+        box.file("r1", 0.1)
+        box.clock.advance(0.05)
+    box.inbox.drain()
+    box.file("r1", 0.2, stamp=box.clock.now() + 40.0)
+    found = box.inbox.drain()
+    assert [(speed(received), received.delay) for received in found] == ([(0.2, 0.0)] if good else [])
+    assert box.counts() == (11, 0, 0 if good else 1)
+    assert ("got a stamp 40 s ahead of its writer's clock" in caplog.text) == (not good)
+
+
+@pytest.mark.parametrize(("late", "counted"), [(0.49, 0), (0.51, 2)])
+async def test_messages_that_were_stale_on_arrival_are_counted(late: float, counted: int) -> None:
+    box = Box(Every)
+    box.file("r1", 0.1)
+    box.clock.advance(1.0)
+    for _ in range(2):
+        box.file("r1", 0.2, stamp=box.clock.now() - late)
+    assert len(box.inbox.drain()) == 3
+    assert box.counters.late == counted
+
+
+def test_a_payload_may_have_eight_mebibytes() -> None:
+    assert codec.MAX_PAYLOAD == 8_388_608
 
 
 async def test_keys_are_bounded_while_they_wait_and_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inbox, "_MAX_KEYS", 2)
     box = Box(Latest)
-    for name in ("r1", "r2", "r3"):  # the third does not even wait
+    for name in ("r1", "r2", "r3", "r4"):  # the last two do not even wait
         box.file(name, 0.1)
-    assert box.counts() == (3, 0, 1)
+    assert box.counters.rejected == 2
+    assert box.counts() == (4, 0, 2)
     assert set(box.inbox.values()) == {"r1", "r2"}
     box.file("r3", 0.1)
     box.file("r2", 0.2)
     assert speed(box.inbox.get("r2")) == 0.2
-    assert (box.inbox.get("r3"), box.counters.rejected) == (None, 2)
+    assert (box.inbox.get("r3"), box.counters.rejected) == (None, 3)
 
 
 async def test_garbage_is_logged_once_until_a_good_message_comes(caplog: pytest.LogCaptureFixture) -> None:

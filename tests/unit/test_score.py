@@ -243,6 +243,31 @@ def test_the_window_is_the_last_seconds() -> None:
     assert sheet["passed"] is None  # nothing was checked
 
 
+@pytest.mark.parametrize(("t", "counts"), [(44.9, False), (45.0, True), (45.1, True), (60.0, True)])
+def test_a_window_of_15_s_at_the_end_begins_with_the_sample_at_45_s(t: float, counts: bool) -> None:
+    off = ring(0.0, 2.0, 4.0, radius=1.3)
+    samples = [s._replace(positions=off) if s.t == t else s for s in observed().samples]
+    assert report(observed(samples=samples), Checks())["radius_error_m"]["max"] == pytest.approx(
+        0.5 if counts else 0.01
+    )
+
+
+def test_the_density_is_judged_around_the_circle_at_the_end() -> None:
+    moved = replace(CIRCLE, x=1.3)
+    last = [s._replace(circle=moved if s.t == 60.0 else CIRCLE) for s in observed().samples]
+    always = [s._replace(circle=moved) for s in observed().samples]
+    found = [score_run(observed(samples=samples), Checks()).density_error for samples in (last, always)]
+    assert found[0] == found[1]
+    assert found[0] != score_run(observed(), Checks()).density_error
+
+
+def test_a_run_without_a_sample_or_a_deployment_has_seen_none() -> None:
+    sheet = report(observed({"deployment": None}, samples=[]), Checks())
+    assert sheet["truth_known"] == 0.0
+    assert sheet["coverage"]["rounds"] == 0
+    assert (sheet["scenario"], sheet["seed"], sheet["duration_s"], sheet["ended"]) == ("pursuit", 4, 60.0, "duration")
+
+
 def bunched(radius: float = 0.8) -> list[Sample]:
     return [Sample(k / 10, ring(0.0, 1.0, 2.0, radius=radius), CIRCLE) for k in range(601)]
 

@@ -21,7 +21,7 @@ from muro_zenoh.cli.main import main
 from muro_zenoh.config import BusSettings, parse_scenario
 from muro_zenoh.errors import NoReply
 from muro_zenoh.geometry import Pose2
-from muro_zenoh.messages import Health, StopOrder
+from muro_zenoh.messages import Health, Reply, Resume, StopOrder
 from muro_zenoh.orders.stop import StopStatus, resume_robots, stop_robots
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.safety.stop import StopLatch
@@ -309,6 +309,40 @@ async def test_resume_of_one_waits_for_that_one_alone(there: Lab) -> None:
     assert (result.reply.accepted, result.still_stopped) == (True, ())
     assert agents["r1"].latch.stopped
     assert store.stop.names == ("r1", "r3")
+
+
+@virtual
+async def test_a_base_station_that_starts_just_now_is_waited_for(there: Lab) -> None:
+    await there.agents("r1")
+    station = await there.join(Role.BASESTATION)
+
+    async def start() -> None:
+        await asyncio.sleep(1.0)
+        station.announce(Role.BASESTATION, "basestation")
+        station.publisher(channels.STOP).put(StopOrder(all=False, revision=3))
+
+    asked: list[int] = []
+
+    def answer(order: Resume) -> Reply:
+        asked.append(order.revision)
+        return Reply(accepted=False, reason="not now")
+
+    station.answer(channels.RESUME, answer)
+    starting = asyncio.create_task(start())
+    began = there.clock.now()
+    assert not (await resume_robots(there.operator, ())).reply.accepted
+    assert asked == [3]
+    assert there.clock.now() - began == pytest.approx(1.0, abs=0.05)
+    await starting
+
+
+@virtual
+async def test_a_resume_is_asked_for_at_once_where_the_base_station_is_known(there: Lab) -> None:
+    await there.agents("r1")
+    await there.base_station()
+    began = there.clock.now()
+    assert (await resume_robots(there.operator, ())).reply.accepted
+    assert there.clock.now() - began < 0.2
 
 
 @virtual
