@@ -1,1 +1,1 @@
-"""One asyncio process per robot: the control loop and the tasks round it, and the base that turns its wheels."""
+"""One asyncio process per robot: the control loop and the tasks around it, and the base that drives its wheels."""

@@ -1,4 +1,4 @@
-"""The agent of one robot: opens the bus, and runs its tasks round one control loop."""
+"""The agent of one robot: opens the bus, and runs the tasks around one control loop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tasks.health import report_health
 from agents.tasks.orders import answer_goals, obey_stops
 from muro_zenoh.channels import Role
-from muro_zenoh.config import Scenario
+from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus
@@ -29,9 +29,7 @@ class Agent:
     """
 
     def __init__(self, bus: Bus, scenario: Scenario, name: str) -> None:
-        if name not in scenario.robot:
-            raise ConfigError(f"agent {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
-        settings = scenario.robot[name]
+        settings = _robot(scenario, name)
         self._bus = bus
         self._name = name
         self._loop = ControlLoop(name, settings)
@@ -40,7 +38,7 @@ class Agent:
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:
-        """Run every task; one that crashes takes the others, and the agent, down."""
+        """Run all tasks; when one crashes, all are cancelled and the agent exits."""
         bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
         signals = Signals()
         answer_goals(bus, name, loop, self._runner, signals)
@@ -49,6 +47,12 @@ class Agent:
             tasks.create_task(obey_stops(bus, loop, sender, signals), name="stop")
             tasks.create_task(self._runner.run(), name="behaviour")
             tasks.create_task(report_health(bus, name, loop, self._runner, signals), name="health")
+
+
+def _robot(scenario: Scenario, name: str) -> RobotSettings:
+    if name not in scenario.robot:
+        raise ConfigError(f"agent {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")
+    return scenario.robot[name]
 
 
 async def run_agent(scenario: Scenario, name: str) -> None:
@@ -62,6 +66,7 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         NotConnected: no router answered.
         ConfigError: the settings have no such robot.
     """
+    _robot(scenario, name)  # check before anything is opened
     async with open_bus(scenario.bus, Role.AGENT) as bus:
         agent = Agent(bus, scenario, name)
         bus.announce(Role.AGENT, name)

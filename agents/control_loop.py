@@ -1,14 +1,13 @@
 """One robot's control loop: fix -> filter -> state -> step -> safety -> command.
 
-Events go in, messages come out. It knows no bus and reads no clock, so that a test, a replay or a fleet in virtual time
-runs the very loop that drives a robot.
+Events go in, messages come out. It uses no bus and no clock, so that a test, a replay or a fleet in virtual time runs
+the same loop as a robot.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -30,6 +29,7 @@ from muro_zenoh.messages import (
     StopOrder,
     VelocityCommand,
 )
+from muro_zenoh.runtime.waiting import without_numbers
 from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.limits import calibrate_and_limit
 from muro_zenoh.safety.stop import StopLatch
@@ -37,25 +37,23 @@ from muro_zenoh.safety.stop import StopLatch
 log = logging.getLogger(__name__)
 
 Outgoing = list[tuple[Channel[Any], Message]]
-"""Messages to be sent, each under this robot's name."""
+"""Messages to send, each under this robot's name."""
 
 _REPEAT = 0.1
-"""A command is repeated, or zeroed, when none was sent for this long [s]; the base's dead-man acts after 0.3 s."""
+"""A command is repeated, or set to zero, when none was sent for this time [s]; the base's dead-man acts after 0.3 s."""
 
 _INTENT_TIMEOUT = 0.25
-"""What a behaviour wanted longer ago than this is not wanted any more [s]."""
+"""An intent older than this is ignored [s]."""
 
 _FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
 
 _FASTEST = 4.0
 """Wheels that report more than this multiple of what is ever commanded report nonsense."""
 
-_NUMBER = re.compile(r"[0-9.]+")
-
 
 class Surroundings(NamedTuple):
-    """What others say, at one moment: ``circle`` to follow; ``speed`` on ``velocity/<name>`` [m/s], None when it is not
-    fresh, and its age [s]; the ``snapshot`` of all robots, None when it is not fresh, and its age [s]."""
+    """What was received from other processes, at one moment: the ``circle``; the ``speed`` on ``velocity/<name>``
+    [m/s], None when stale, and its age [s]; the ``snapshot`` of all robots, None when stale, and its age [s]."""
 
     circle: Circle | None = None
     speed: float | None = None
@@ -65,21 +63,22 @@ class Surroundings(NamedTuple):
 
 
 class ControlLoop:
-    """The loop of one robot. Every time is of one local clock [s].
+    """The loop of one robot. All times are from one local clock [s].
 
     Args:
         name: the robot's name.
         robot: its settings.
 
     Attributes:
-        latch: what is known of the stop order.
-        reasons: why the robot is stationary, most important first; empty while it may drive.
-        seen: what there was to see at the newest estimate; None before the first.
-        changed: the latch or the reasons changed; for the health report to clear.
-        fixes: fixes used since the start.
-        commands: commands sent since the start.
-        refused: fixes and odometry that were not used since the start, by what was wrong.
-        pose_ages: from capture to the estimate that used it, of each fix since it was last emptied [s].
+        latch: the stop latch.
+        reasons: why the robot must not drive, most important first; empty while it may drive.
+        seen: the observations at the newest estimate; None before the first.
+        changed: whether the latch or the reasons have changed; the health report clears it.
+        fixes: number of accepted fixes since the start.
+        commands: number of commands sent since the start.
+        refused: number of fixes and odometry messages that were refused since the start, by reason.
+        pose_ages: for each accepted fix, the time from capture to the estimate that used it [s]; the health report
+            clears it.
     """
 
     def __init__(self, name: str, robot: RobotSettings) -> None:
@@ -112,13 +111,13 @@ class ControlLoop:
         odometry: Iterable[tuple[float, float, float]],
         around: Surroundings,
     ) -> Outgoing:
-        """Estimate, ask the behaviour, command: at each fix, and by the clock when a fix is overdue.
+        """Estimate, step the behaviour, command; called at each fix, and by the clock when a fix is overdue.
 
         Args:
             now: the time.
-            fixes: those that have arrived, each with its time of capture.
-            odometry: rows t [s], v [m/s], omega [rad/s] that have arrived, in order.
-            around: what others say.
+            fixes: new fixes, each with its time of capture.
+            odometry: new rows t [s], v [m/s], omega [rad/s], in order.
+            around: what was received from other processes.
         """
         if self._ended:
             return []
@@ -142,25 +141,25 @@ class ControlLoop:
                 self._intend(now, self._behaviour.step(seen), out)
                 self._command(now, out)
                 return out
-        # A behaviour that is a task of its own sends its command when it has chosen one.
+        # A behaviour that is a task of its own commands by want(); here its command is only repeated or set to zero.
         if now - self._sent >= _REPEAT:
             self._command(now, out)
         return out
 
     def behave(self, behaviour: Behaviour | None) -> None:
-        """Ask this behaviour from now on; None when a task of its own says what it wants by :meth:`want`.
+        """Step this behaviour from now on; None for a behaviour that is a task of its own and calls :meth:`want`.
 
         Args:
-            behaviour: which.
+            behaviour: the behaviour.
         """
         self._behaviour = behaviour
 
     def want(self, now: float, intent: Intent) -> Outgoing:
-        """Take what a behaviour wants now, and command.
+        """Take a behaviour's intent, and command.
 
         Args:
             now: the time.
-            intent: what it wants.
+            intent: the intent.
         """
         out: Outgoing = []
         if not self._ended:
@@ -169,14 +168,14 @@ class ControlLoop:
         return out
 
     def take_stop(self, now: float, order: StopOrder) -> Outgoing:
-        """Take a stop order, from whomever it comes; command zero at once when it stops this robot.
+        """Take a stop order from any sender; command zero at once when it stops this robot.
 
         Args:
             now: the time.
             order: the order.
         """
         before = self.latch
-        self.latch = before.hear(self._name, everybody=order.all, names=order.names, revision=order.revision)
+        self.latch = before.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
         self.changed |= self.latch != before
         if order.revision == self.latch.revision:
             self._stopped_names = frozenset(order.names)
@@ -186,13 +185,13 @@ class ControlLoop:
         return out
 
     def end(self, now: float) -> Outgoing:
-        """The last command: zero. After it there is none, whatever a behaviour that does not end may still want.
+        """The last command: zero. No command follows it, even when a behaviour that has not ended still calls.
 
         Args:
             now: the time.
         """
         self._behaviour = None
-        out = self.want(now, hold("the agent is leaving"))
+        out = self.want(now, hold("the agent is shutting down"))
         self._ended = True
         return out
 
@@ -209,7 +208,7 @@ class ControlLoop:
         else:
             self.refused[f"fix {result.reason}"] += 1
         if result.restarted:
-            log.warning("the fixes have left the track: starting anew at (%.2f, %.2f)", fix.x, fix.y)
+            log.warning("the fixes disagree with the track: restarting the filter at (%.2f, %.2f)", fix.x, fix.y)
 
     def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
         """Whether an odometry is of about now, and of wheels that these could be."""
@@ -245,13 +244,15 @@ class ControlLoop:
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent = self._estimate, self._intent
+        # A behaviour that is stepped at each estimate has not been stepped before the first: only the pose is missing.
+        stepped = self._behaviour is None or estimate is not None
         reasons = reasons_to_hold(
             latch=self.latch,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
             fix_limit=channels.POSE.stale_after,
-            twist_age=now - self._intended,
+            twist_age=now - self._intended if stepped else 0.0,
             twist_limit=_INTENT_TIMEOUT,
-            hold=intent.reason if intent.twist is None else "",
+            hold=intent.reason if stepped and intent.twist is None else "",
         )
         command = STILL
         if not reasons and estimate is not None and intent.twist is not None:
@@ -262,17 +263,12 @@ class ControlLoop:
                 v_max=self._robot.v_max,
                 omega_max=self._robot.omega_max,
             )
-        self.changed |= _without_numbers(reasons) != _without_numbers(self.reasons)
+        self.changed |= without_numbers(reasons) != without_numbers(self.reasons)
         self.reasons = reasons
         self._sent = now
         self.commands += 1
         self._filter.command(now, command.v, command.omega)
         out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
-
-
-def _without_numbers(reasons: tuple[str, ...]) -> str:
-    """Reasons but for the ages in them: what does not change from one estimate to the next."""
-    return _NUMBER.sub("", "|".join(reasons)) if reasons else ""
 
 
 def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
@@ -288,5 +284,5 @@ def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
 
 
 def _calibration(scale: float, sigma: float) -> Calibration:
-    """The factor that undoes a drive scale; its standard deviation to first order."""
+    """The factor that corrects a drive scale, and its standard deviation to first order."""
     return Calibration(value=1.0 / scale, sigma=sigma / scale**2)

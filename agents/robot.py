@@ -1,6 +1,6 @@
 """The robot as a user's own behaviour sees it.
 
-The simplest one is called at each estimate and returns what to drive; ``async`` ones run until another is ordered::
+A plain function is called at each estimate and returns the twist; an ``async`` one runs until another is ordered::
 
     def flock(robot):
         ...
@@ -30,11 +30,11 @@ P = TypeVar("P")
 
 
 class Connection(NamedTuple):
-    """What a :class:`Robot` reaches the rest of its agent by.
+    """The connection of a :class:`Robot` to its agent.
 
-    ``seen``: what there was to see at the newest estimate; ``want``: says what to do now; ``behave``: hands the wheels
-    to a behaviour that is asked at each estimate; ``estimates``: a new mailbox with the robot's own estimates; ``now``:
-    the clock [s since 1970].
+    ``seen``: the observations at the newest estimate; ``want``: takes an intent; ``behave``: installs a behaviour that
+    is stepped at each estimate; ``estimates``: a new mailbox with the robot's own estimates; ``now``: the clock
+    [s since 1970].
     """
 
     seen: Callable[[], Seen | None]
@@ -74,7 +74,7 @@ class Robot:
         self._circle = CircleFollowing(CircleLaw(), 0.0)
 
     def revoke(self) -> None:
-        """The run is over: from now on nothing that is asked of this one has an effect."""
+        """End the run: later calls have no effect."""
         self._revoked = True
 
     @property
@@ -93,10 +93,10 @@ class Robot:
         """
         return config.parameters_as(kind, self.parameters, f"behaviour of {self.name}")
 
-    # ---- what there is to see
+    # ---- observations
 
     async def estimates(self) -> AsyncIterator[Estimate]:
-        """This robot's estimates as they are made; a slow reader gets the newest."""
+        """This robot's estimates as they are made; a slow reader receives only the newest."""
         inbox = self._connection.estimates()
         try:
             async for received in inbox:
@@ -106,22 +106,22 @@ class Robot:
 
     @property
     def state(self) -> State | None:
-        """Where this robot is, and how fast; None before the first fix."""
+        """This robot's pose and speeds now; None before the first fix."""
         seen = self._connection.seen()
         return seen.state if seen is not None else None
 
     @property
     def ahead(self) -> State | None:
-        """Where this robot will be, and how fast, when a command given now is felt at its wheels; None before the
+        """This robot's predicted pose and speeds when a command given now takes effect at its wheels; None before the
         first fix."""
         seen = self._connection.seen()
         return seen.ahead if seen is not None else None
 
     @property
     def neighbours(self) -> tuple[Neighbour, ...]:
-        """All other robots as the cameras last saw them; none while no fresh snapshot is known.
+        """All other robots as the cameras last saw them, with ages up to now; empty while no fresh snapshot is known.
 
-        A robot that is not seen any more stays in it (``stale``, then ``lost``): it is an obstacle where it was.
+        A robot that is no longer seen stays in it (``stale``, then ``lost``): it is an obstacle at its last position.
         """
         seen = self._connection.seen()
         snapshot = seen.snapshot if seen is not None else None
@@ -147,7 +147,7 @@ class Robot:
 
     @property
     def speed(self) -> float | None:
-        """What somebody says on ``muro/velocity/<name>`` [m/s]; None when nothing fresh is."""
+        """The speed received on ``muro/velocity/<name>`` [m/s]; None when there is none or it is stale."""
         seen = self._connection.seen()
         return seen.speed if seen is not None else None
 
@@ -156,12 +156,12 @@ class Robot:
         """The clock [s since 1970]."""
         return self._connection.now()
 
-    # ---- what to do
+    # ---- actions
 
     def drive(self, v: float, omega: float) -> None:
-        """Drive, through calibration, limits and everything that may keep the robot from driving.
+        """Drive; calibration, limits and the safety checks are applied to the twist.
 
-        Say it again at each estimate: a robot whose behaviour is silent for 0.25 s is stopped.
+        Call it at each estimate: the robot is stopped when its behaviour makes no call for 0.25 s.
 
         Args:
             v: forwards [m/s].
@@ -169,16 +169,16 @@ class Robot:
         """
         self._want(Intent(Twist2(v, omega)))
 
-    def hold(self, reason: str = "the behaviour wants to stand still") -> None:
+    def hold(self, reason: str = "held by the behaviour") -> None:
         """Stand still.
 
         Args:
-            reason: why; operators read it.
+            reason: shown to operators.
         """
         self._want(hold(reason))
 
     def velocity(self, speed: float) -> None:
-        """Follow the circle at a speed, and say the speed on ``muro/velocity/<name>``; as often as :meth:`drive`.
+        """Follow the circle at a speed, and publish it on ``muro/velocity/<name>``. Call it as often as :meth:`drive`.
 
         Args:
             speed: along the circle [m/s].
@@ -188,7 +188,7 @@ class Robot:
             self._want(self._circle.step(seen._replace(speed=speed))._replace(speed=speed))
 
     def goal(self, x: float, y: float, theta: float | None = None) -> None:
-        """Drive to a goal along a Dubins curve, until something else is asked for; once is enough.
+        """Drive to a goal along a Dubins curve; call it once. Any later call of a method that drives replaces it.
 
         Args:
             x: the goal [m, world].
@@ -196,13 +196,15 @@ class Robot:
             theta: the heading to arrive with [rad]; None when it does not matter.
 
         Raises:
-            PlanningError: no path leads there, or nothing is known yet of where the robot is.
+            PlanningError: there is no path to the goal, or the robot has no pose yet.
         """
-        from muro_zenoh.behaviours import dubins  # needs numpy, which most agents do without
+        from muro_zenoh.behaviours import dubins  # needs numpy, which most agents do not load
 
         seen = self._connection.seen()
         if seen is None:
-            raise PlanningError(f"goal ({x:g}, {y:g}): got no pose of {self.name} yet, expected one to plan from")
+            raise PlanningError(
+                f"goal ({x:g}, {y:g}): got no pose of {self.name} yet, expected one to plan a path from"
+            )
         ride = self._ride or dubins.make(dubins.Parameters(), self._vehicle)
         refused = ride.go_to(Destination(x, y, theta), seen)
         if refused:
@@ -223,12 +225,12 @@ class Robot:
 class CalledBehaviour(Behaviour):
     """A user's own function that is called at each estimate and returns ``v, omega``.
 
-    It may call the robot's methods instead and return nothing. One that raises anything is not called again.
+    It may call the robot's methods instead and return None. After an exception it is not called again.
 
     Args:
         function: the function.
         make_robot: makes the robot that it is called with.
-        on_error: called with the error that it raises; returns the reason to stand still with.
+        on_error: called with the exception that it raises; returns the reason to hold with.
     """
 
     def __init__(
@@ -251,7 +253,7 @@ class CalledBehaviour(Behaviour):
         """Call the function.
 
         Args:
-            seen: what the robot's properties show to it.
+            seen: the observations for the robot's properties.
         """
         if self._failure:
             return hold(self._failure)

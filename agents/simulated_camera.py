@@ -1,7 +1,7 @@
-"""A simulated overhead camera: it captures on a schedule of its own, and renders off the event loop.
+"""A simulated overhead camera with its own schedule, which renders in another thread.
 
-A real camera does not wait for thirty bases. The poses are copied on the loop at the moment of capture; a thread makes
-the picture of them, and OpenCV releases the interpreter's lock for most of it.
+A real camera does not wait for thirty bases. The poses are copied on the loop at the moment of capture; a thread
+renders the picture, and OpenCV releases the interpreter's lock for most of that time.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ class SimulatedCamera:
     """One camera over a floor.
 
     Args:
-        frames: where its frames go.
+        frames: the publisher of its frames.
         settings: its settings.
-        scenario: the arena, the robots and what the simulation hides.
-        floor: what it sees.
-        seed: of its floor's looks and its noise.
-        executor: where its pictures are rendered: a thread, but for a camera in virtual time.
+        scenario: the arena, the robots and the simulation's hidden settings.
+        floor: the floor that it sees.
+        seed: seed of the floor's texture and of the noise.
+        executor: renders the pictures: threads, except in virtual time.
 
     Attributes:
-        captured: frames captured so far.
-        skipped: frames so far that were not captured, because the one before was not rendered when they were due.
+        captured: number of frames captured so far.
+        skipped: number of frames skipped so far, because the previous one was still being rendered when they were due.
     """
 
     def __init__(
@@ -57,8 +57,8 @@ class SimulatedCamera:
         self._rng = np.random.default_rng(seed)
 
     async def run(self) -> None:
-        """Capture at the camera's rate until cancelled. The schedule is kept: a frame that cannot be taken when it is
-        due is skipped, and does not push the next ones back."""
+        """Capture at the camera's rate until cancelled. A frame that cannot be captured when it is due is skipped; it
+        does not delay the next ones."""
         loop = asyncio.get_running_loop()
         lens = await loop.run_in_executor(self._executor, self._make_lens)
         period, latency = 1.0 / self._settings.rate, self._scenario.simulation.camera_latency
@@ -66,7 +66,7 @@ class SimulatedCamera:
         rendering: asyncio.Task[None] | None = None
         async with asyncio.TaskGroup() as tasks:
             while True:
-                missed = int((loop.time() - begin) / period) - count  # more than none after this process was frozen
+                missed = int((loop.time() - begin) / period) - count  # above 0 after this process was suspended
                 self.skipped += max(0, missed)
                 count += max(0, missed) + 1
                 await asyncio.sleep(begin + count * period - loop.time())
@@ -80,7 +80,7 @@ class SimulatedCamera:
                 rendering = tasks.create_task(self._take(lens, poses, stamp, due), name="render")
 
     async def _take(self, lens: OverheadCamera, poses: Array, stamp: float, due: float) -> None:
-        """Render a picture of poses captured at ``stamp``, and have it sent at ``due`` of the loop's time."""
+        """Render a picture of the poses captured at ``stamp``, and schedule it to be sent at loop time ``due``."""
         loop = asyncio.get_running_loop()
         frame = await loop.run_in_executor(self._executor, self._render, lens, poses, stamp)
         loop.call_at(due, self._frames.put, frame)

@@ -1,8 +1,9 @@
-"""The process that stands in for the room: all robots' bases on one plant, and the overhead cameras."""
+"""The process that simulates the room: all robots' bases on one plant, and the overhead cameras."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 import sys
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -17,13 +18,16 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready
+from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
+log = logging.getLogger(__name__)
+
 _SWITCH_INTERVAL = 0.0005
-"""A camera's thread gives the interpreter's lock back within this when the loop waits for it [s]; Python's default of
-5 ms would delay the dead-man and every command by as much."""
+"""A camera's thread releases the interpreter's lock within this time when the loop waits for it [s]; Python's default
+of 5 ms would delay the dead-man and every command by that much."""
 
 
 class Room:
@@ -32,8 +36,8 @@ class Room:
     Args:
         bus: the bus.
         scenario: the settings.
-        seed: draws starts, hidden drive errors and every noise.
-        executor: where the cameras render: with a thread for each, none waits for another.
+        seed: seed of starts, hidden drive errors and all noise.
+        executor: renders the cameras' pictures; with one thread per camera none waits for another.
 
     Raises:
         PlanningError: the robots do not fit into the arena.
@@ -58,6 +62,7 @@ class Room:
         self._wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
+        self._bases = bus.latest(channels.BASE, "*", own_only=True)
 
     async def run(self) -> None:
         """Run bases, plant and cameras."""
@@ -80,9 +85,18 @@ class Room:
                 publisher.put(Truth(stamp=stamp, x=x, y=y, theta=theta, v=v, omega=omega))
 
     async def _report(self) -> None:
+        waiting = WaitingLog(log, "waiting", "every robot receives commands")
         while True:
-            self._health.put(Health(role="simulator", state="running", numbers=self._numbers()))
+            reasons = self._reasons()
+            waiting.note(self._bus.clock.now(), reasons)
+            state = "waiting" if reasons else "running"
+            self._health.put(Health(role="simulator", state=state, reasons=reasons, numbers=self._numbers()))
             await asyncio.sleep(channels.HEALTH.period)
+
+    def _reasons(self) -> tuple[str, ...]:
+        bases = self._bases.values()
+        silent = [name for name in self._wheels if name not in bases or bases[name].message.dead_man]
+        return (f"no commands for {' '.join(silent)}: waiting for their agents",) if silent else ()
 
     def _numbers(self) -> dict[str, float]:
         plant = self.plant
@@ -103,7 +117,7 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
 
     Args:
         scenario: the settings.
-        seed: draws starts, hidden drive errors and every noise.
+        seed: seed of starts, hidden drive errors and all noise.
 
     Raises:
         NotConnected: no router answered.

@@ -1,1 +1,1 @@
-"""One process per lab: camera frames become poses, and the fleet is kept account of."""
+"""One process per lab: turns camera frames into poses, and keeps the table and the state of the fleet."""

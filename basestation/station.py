@@ -1,4 +1,4 @@
-"""The base station, put together: vision, the fleet's table, the kept state, orders and health, side by side."""
+"""The base station: vision, the fleet's table, the kept state, orders and health as concurrent tasks."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus
 
 _SWITCH_INTERVAL = 0.0005
-"""How long a thread that searches a frame may keep the loop waiting for the interpreter [s]. With Python's own 5 ms the
-answer to a stop takes nearly twice as long while thirty robots are watched."""
+"""How long a thread that searches a frame may keep the loop waiting for the interpreter [s]. With Python's default of
+5 ms the answer to a stop takes nearly twice as long with thirty robots in view."""
 
 
 class Station:
@@ -31,8 +31,8 @@ class Station:
     Args:
         bus: the bus.
         scenario: the settings.
-        state: the file of the kept state; None keeps nothing beyond this process, and uses no threads.
-        sources: what the cameras see, one source per camera.
+        state: the file of the kept state; None keeps it only in memory, and uses no threads.
+        sources: the cameras' sightings, one source per camera.
 
     Raises:
         ConfigError: the file is not a kept state.
@@ -47,13 +47,13 @@ class Station:
         self._positions = PositionsTask(bus, scenario.robots)
         self._kept = KeptStateTask(bus, self.store)
         self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
-        self._health = HealthTask(bus, self._kept, self._positions, scenario.robots)
+        self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))
 
     async def run(self) -> None:
-        """Run every task; one that crashes takes the base station down, and the robots stop.
+        """Run all tasks. When one crashes, the base station exits, and the robots stop.
 
         Raises:
-            ExceptionGroup: of what a task raised; a TransportError when another base station is running.
+            ExceptionGroup: the exceptions of a task; a TransportError when another base station is running.
         """
         self._orders.listen()
         try:
@@ -73,14 +73,14 @@ async def run_basestation(scenario: Scenario, state: Path | None) -> None:
 
     Args:
         scenario: the settings.
-        state: the file of the kept state; None keeps nothing.
+        state: the file of the kept state; None keeps it only in memory.
 
     Raises:
         NotConnected: no router answered.
-        ConfigError: a camera's points fix no homography, or the file is not a kept state.
+        ConfigError: a camera's points do not determine a homography, or the file is not a kept state.
     """
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    # A thread per camera: none waits for another, and no answer to an order waits for any.
+    # One thread per camera: no camera waits for another, and no answer to an order waits for a camera.
     with ThreadPoolExecutor(max(1, len(scenario.camera)), thread_name_prefix="vision") as threads:
         async with open_bus(scenario.bus, Role.BASESTATION) as bus:
             station = Station(bus, scenario, state, cameras_on_bus(bus, scenario, threads))

@@ -1,6 +1,7 @@
-"""The processes that :mod:`latency` measures: a pose comes in, a command goes out. ``echo.py KIND ENDPOINT NAME``.
+"""The processes that :mod:`benchmarks.latency` measures: a pose comes in, a command goes out.
 
-``callback`` and ``loop`` are bare Zenoh with the sessions' settings of our bus; ``bus`` is our bus.
+``echo.py KIND ENDPOINT NAME``: ``callback`` and ``loop`` are bare Zenoh with the sessions' settings of our bus; ``bus``
+is our bus. All of them receive odometry and snapshots, as an agent does, and make nothing of them.
 """
 
 from __future__ import annotations
@@ -53,8 +54,12 @@ async def bus(settings: BusSettings, name: str) -> None:
     async with open_bus(settings, channels.Role.AGENT) as opened:
         commands = opened.publisher(channels.CMD_VEL, name)
         poses = opened.every(channels.POSE, name)
+        odometry = opened.every(channels.ODOMETRY, name)
+        snapshots = opened.latest(channels.ALL_POSITIONS)
         ready("bus", name)
         async for pose in poses:
+            odometry.drain()
+            snapshots.get()
             commands.put(VelocityCommand(v=pose.message.x, omega=pose.message.theta))
 
 
@@ -69,10 +74,14 @@ def _publisher(session: zenoh.Session, settings: BusSettings, name: str) -> zeno
 
 
 def _subscribe(session: zenoh.Session, settings: BusSettings, name: str, function) -> None:  # type: ignore[no-untyped-def]
-    key = key_of(settings.realm, channels.POSE, name)
-    session.declare_subscriber(
-        key, zenoh.handlers.Callback(function, indirect=False), allowed_origin=zenoh.Locality.REMOTE
-    )
+    remote = zenoh.Locality.REMOTE
+    keys = {
+        key_of(settings.realm, channels.POSE, name): function,
+        key_of(settings.realm, channels.ODOMETRY, name): lambda sample: None,
+        key_of(settings.realm, channels.ALL_POSITIONS): lambda sample: None,
+    }
+    for key, callback in keys.items():
+        session.declare_subscriber(key, zenoh.handlers.Callback(callback, indirect=False), allowed_origin=remote)
 
 
 async def _forever(session: zenoh.Session, name: str) -> None:

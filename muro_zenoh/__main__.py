@@ -1,4 +1,4 @@
-"""The command ``muro`` as ``python -m muro_zenoh``; so every process of a run is started."""
+"""The command ``muro`` as ``python -m muro_zenoh``; every process of a run is started this way."""
 
 from muro_zenoh.cli.main import main
 

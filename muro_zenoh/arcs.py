@@ -1,4 +1,4 @@
-"""Arcs: how a unicycle at constant speeds moves. The one place where a pose is integrated.
+"""Arcs: the motion of a unicycle at constant speeds. The only place where a pose is integrated.
 
 A unicycle that turns by ``turn`` over ``length`` ends at the end of the arc's chord, which points along the mid
 heading and is shorter than the arc by ``sinc(turn / 2)``: exact for any turn. Floats, or arrays that broadcast.
@@ -17,7 +17,7 @@ def chord(theta: Any, length: Any, half: Any) -> tuple[Any, Any, Any]:
 
     Args:
         theta: heading at its start [rad].
-        length: of the arc [m], below 0 backwards.
+        length: length of the arc [m], below 0 backwards.
         half: half of the turn from its start to its end, counter-clockwise [rad].
 
     Returns:
@@ -29,15 +29,15 @@ def chord(theta: Any, length: Any, half: Any) -> tuple[Any, Any, Any]:
 
 
 def carry(x: Any, y: Any, theta: Any, v: Any, omega: Any, dt: Any) -> tuple[Any, Any, Any]:
-    """A pose carried along one arc.
+    """A pose moved along one arc.
 
     Args:
-        x: place [m, world].
-        y: place [m, world].
+        x: position [m, world].
+        y: position [m, world].
         theta: heading [rad].
         v: speed [m/s].
         omega: turning rate [rad/s].
-        dt: for how long [s].
+        dt: duration [s].
 
     Returns:
         x, y [m, world] and theta [rad], not wrapped.
@@ -48,13 +48,13 @@ def carry(x: Any, y: Any, theta: Any, v: Any, omega: Any, dt: Any) -> tuple[Any,
 
 
 def advance(pose: Pose2, v: float, omega: float, dt: float) -> Pose2:
-    """:func:`carry` of a pose as a value, its heading wrapped.
+    """:func:`carry` for a pose as a value, with its heading wrapped.
 
     Args:
-        pose: where the unicycle is [world].
+        pose: the unicycle's pose [world].
         v: speed [m/s].
         omega: turning rate [rad/s].
-        dt: for how long [s]; below 0 for where it was.
+        dt: duration [s]; below 0 for a pose in the past.
     """
     half = 0.5 * dt * omega
     reach, cos, sin = chord(pose.theta, dt * v, half)

@@ -5,7 +5,7 @@ A law is written once and called with floats by an agent and with arrays by the 
     xp = elementwise.of(theta)
     s = xp.sin(theta)
 
-Plain floats go to :mod:`math`: three times cheaper than numpy scalars in a process that wakes twenty times a second.
+Plain floats use :mod:`math`: three times cheaper than numpy scalars in a process that wakes twenty times a second.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ else:
     Array = Any
 
 Scalar = TypeVar("Scalar", float, Array)
-"""A float, or an array of them: one law, both shapes."""
+"""A float, or an array of floats."""
 
 
 class Floats:
@@ -70,11 +70,11 @@ class Floats:
 
 
 FLOATS: Final[Any] = Floats()
-_NUMBERS: Final = (float, int)  # a tuple is looked through in half the time of a union
+_NUMBERS: Final = (float, int)  # isinstance takes half the time with a tuple as with a union
 
 
 def of(value: Any) -> Any:
-    """The namespace that fits ``value``: :data:`FLOATS` for a number, else :data:`muro_zenoh.arrays.ARRAYS`."""
+    """The namespace for ``value``: :data:`FLOATS` for a number, else :data:`muro_zenoh.arrays.ARRAYS`."""
     if isinstance(value, _NUMBERS):
         return FLOATS
     from muro_zenoh.arrays import ARRAYS

@@ -3,19 +3,20 @@
 ::
 
     MuroError                     anything this project raises on purpose; the CLI prints it without a traceback
-    ├── ConfigError               settings that are wrong or impossible
-    ├── ParameterError            a parameter of a law or a behaviour that makes no sense, or does not fit the others
-    ├── MessageError              bytes from the network that are not the message their key promises
-    ├── TransportError            the bus could not do what it was asked
-    │   ├── NotConnected          no router answered at the endpoints given
-    │   └── NoReply               an order was sent and nobody answered in time
-    ├── OrderRefused              an order that cannot be obeyed; its text is the reason in the reply
+    ├── WrongValueError           an invalid value
+    │   ├── ConfigError           invalid settings
+    │   └── ParameterError        an invalid parameter of a law or a behaviour, alone or with the others
+    ├── MessageError              bytes from the network that are not the message expected on their key
+    ├── TransportError            an operation of the bus failed
+    │   ├── NotConnected          no router answered at the given endpoints
+    │   └── NoReply               no answer to an order within the timeout
+    ├── OrderRefused              an order was refused; its text is the reason in the reply
     ├── BehaviourError            a behaviour could not be loaded or is not one
-    ├── PlanningError             a plan that cannot be made (a goal outside the arena, say)
-    ├── MissingExtra              a package that comes with one of our extras is not installed
+    ├── PlanningError             no plan is possible, for example to a goal outside the arena
+    ├── MissingExtra              a package of one of our extras is not installed
     └── SupervisionError          a child process could not be kept alive
 
-Every message says what was got, what was expected, where, and what to do next.
+Every message has what was got, what was expected, where, and what to do next.
 """
 
 
@@ -23,32 +24,13 @@ class MuroError(Exception):
     """Anything this project raises on purpose."""
 
 
-class ConfigError(MuroError):
-    """Settings that are wrong or impossible.
+class WrongValueError(MuroError):
+    """An invalid value.
 
     Args:
-        where: the file and the full path of the key, such as ``fleet.toml: robot.r1.radius``.
+        what: the name of the value.
         got: the value found.
-        expected: what would be right.
-        hint: what to do next, where that is not obvious.
-    """
-
-    def __init__(self, where: str, *, got: str, expected: str, hint: str = "") -> None:
-        self.where = where
-        self.got = got
-        self.expected = expected
-        self.hint = hint
-        text = f"{where}: got {got}, expected {expected}"
-        super().__init__(f"{text}. {hint}" if hint else text)
-
-
-class ParameterError(MuroError, ValueError):
-    """A parameter of a law or a behaviour that makes no sense, or does not fit the others.
-
-    Args:
-        what: the parameter, such as ``v_min``.
-        got: its value.
-        expected: what would be right.
+        expected: the valid values.
         hint: what to do next, where that is not obvious.
     """
 
@@ -61,24 +43,32 @@ class ParameterError(MuroError, ValueError):
         super().__init__(f"{text}. {hint}" if hint else text)
 
 
+class ConfigError(WrongValueError):
+    """Invalid settings; ``what`` is the file with the full path of the key, such as ``fleet.toml: robot.r1.radius``."""
+
+
+class ParameterError(WrongValueError, ValueError):
+    """An invalid parameter of a law or a behaviour, alone or in combination with the others; ``what`` is its name."""
+
+
 class MessageError(MuroError):
-    """Bytes from the network that are not the message their key promises. Counted and dropped by the bus."""
+    """Bytes from the network that are not the message expected on their key. The bus counts and drops them."""
 
 
 class TransportError(MuroError):
-    """The bus could not do what it was asked."""
+    """An operation of the bus failed."""
 
 
 class NotConnected(TransportError):  # noqa: N818 - reads as a state, and is one
-    """No router answered at the endpoints given."""
+    """No router answered at the given endpoints."""
 
 
 class NoReply(TransportError):  # noqa: N818 - reads as an event, and is one
-    """An order was sent and nobody answered in time."""
+    """No answer to an order within the timeout."""
 
 
 class OrderRefused(MuroError):  # noqa: N818 - reads as an event, and is one
-    """An order that cannot be obeyed; its text is the reason in the reply."""
+    """An order was refused; its text is the reason in the reply."""
 
 
 class BehaviourError(MuroError):
@@ -86,16 +76,16 @@ class BehaviourError(MuroError):
 
 
 class PlanningError(MuroError):
-    """A plan that cannot be made."""
+    """No plan is possible."""
 
 
 class MissingExtra(MuroError):  # noqa: N818 - reads as a state, and is one
-    """A package that comes with one of our extras is not installed.
+    """A package of one of our extras is not installed.
 
     Args:
         extra: such as ``figures``.
         need: what needs it, such as ``drawing figures needs matplotlib``.
-        package: the package that is missing.
+        package: the missing package.
     """
 
     def __init__(self, extra: str, need: str, package: str) -> None:

@@ -15,14 +15,14 @@ TWO_PI = 2.0 * math.pi
 
 
 class Pose2(NamedTuple):
-    """A place and a heading: ``x`` [m], ``y`` [m], ``theta`` [rad, (-pi, pi]] in the world frame."""
+    """A position and a heading: ``x`` [m], ``y`` [m], ``theta`` [rad, (-pi, pi]] in the world frame."""
 
     x: float
     y: float
     theta: float
 
     def compose(self, other: Pose2) -> Pose2:
-        """``other``, given in this pose's frame, in the frame that this pose is given in."""
+        """Transform ``other`` from this pose's frame into the frame of this pose's coordinates."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         return Pose2(
             self.x + c * other.x - s * other.y,
@@ -47,8 +47,8 @@ STILL = Twist2(0.0, 0.0)
 
 
 class State(NamedTuple):
-    """Where a robot is and how fast it really goes: ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s], ``omega``
-    [rad/s]. Each a float, or an array with an entry per robot.
+    """A robot's pose and actual speeds: ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s], ``omega`` [rad/s]. Each
+    is a float, or an array with one entry per robot.
     """
 
     x: Any
@@ -59,7 +59,7 @@ class State(NamedTuple):
 
     @property
     def pose(self) -> Pose2:
-        """The place and heading."""
+        """The position and heading."""
         return Pose2(self.x, self.y, self.theta)
 
 
@@ -113,7 +113,7 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The floor that robots may use, a rectangle; one that is inside out holds nothing.
+    """The rectangle of floor that robots may use; one with minimum above maximum contains nothing.
 
     Args:
         x_min: left border [m, world].
@@ -157,51 +157,51 @@ class Bounds:
         )
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance from a place to the nearest border [m]; below 0 outside.
+        """Distance from a position to the nearest border [m]; below 0 outside.
 
         Args:
-            x: place [m, world].
-            y: place [m, world].
+            x: position [m, world].
+            y: position [m, world].
         """
         return min(x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y)
 
     def holds(self, x: float, y: float, slack: float = 1e-9) -> bool:
-        """Whether a place is inside, border included; NaN never is.
+        """Whether a position is inside, border included; NaN never is.
 
         Args:
-            x: place [m, world].
-            y: place [m, world].
-            slack: how far outside still counts [m]; rounding.
+            x: position [m, world].
+            y: position [m, world].
+            slack: tolerance outside the border [m], for rounding.
         """
         return self.x_min - slack <= x <= self.x_max + slack and self.y_min - slack <= y <= self.y_max + slack
 
     def nearest(self, x: float, y: float) -> tuple[float, float]:
-        """The place inside nearest to a place [m, world].
+        """The position inside that is nearest to a position [m, world].
 
         Args:
-            x: place [m, world].
-            y: place [m, world].
+            x: position [m, world].
+            y: position [m, world].
         """
         return min(max(x, self.x_min), self.x_max), min(max(y, self.y_min), self.y_max)
 
     def shrunk(self, margin: float) -> Bounds:
-        """The places that keep ``margin`` [m] from the walls.
+        """The rectangle shrunk by a margin on each side.
 
         Args:
-            margin: distance to keep [m], such as a robot's radius; below 0 to go beyond the walls.
+            margin: the margin [m], such as a robot's radius; below 0 to enlarge the rectangle.
         """
         return Bounds(self.x_min + margin, self.x_max - margin, self.y_min + margin, self.y_max - margin)
 
 
 @dataclass(frozen=True, slots=True)
 class TagMount:
-    """A fiducial tag and where it sits on a robot, in the base frame (origin: the middle of the axle, x forwards).
+    """A fiducial tag and its mounting pose on a robot, in the base frame (origin: the middle of the axle, x forwards).
 
     The tag's own +x runs from its left edge to its right edge as printed, its +y from bottom to top, its origin is its
-    centre. With ``yaw`` 0 the print's right edge looks forwards and its top edge to the robot's left.
+    centre. With ``yaw`` 0 the print's right edge points forwards and its top edge to the robot's left.
 
     Args:
-        id: the number that the tag encodes.
+        id: the tag's number.
         size: side of the tag's black square [m].
         x: the tag's centre, forwards of the axle [m].
         y: the tag's centre, to the left of the axle's middle [m].
@@ -227,7 +227,7 @@ class TagMount:
 
 
 class View(NamedTuple):
-    """A point that a camera sees: pixel ``u`` (right), ``v`` (down), and place ``x``, ``y`` [m, world].
+    """A point that a camera sees: pixel ``u`` (right), ``v`` (down), and position ``x``, ``y`` [m, world].
 
     Integer pixels are pixel centres, as in OpenCV: a picture's left edge is at u = -0.5.
     """
@@ -245,7 +245,7 @@ def straight_down_view(bounds: Bounds, width: int, height: int, margin: float = 
         bounds: the rectangle.
         width: of the picture [px].
         height: of the picture [px].
-        margin: seen beyond each edge, at least [m].
+        margin: minimum visible margin beyond each edge [m].
 
     Returns:
         The rectangle's corners, from the lower left one counter-clockwise. World y is up, the picture's v down.

@@ -1,4 +1,4 @@
-"""Pages of ``docs/`` of which a part is generated from the code, between two marks."""
+"""Pages of ``docs/`` with a part between two marks that is generated from the code."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _END: Final = "<!-- end of the generated part -->\n"
 
 
 def with_generated(text: str, module: str, file: str, generated: str) -> str:
-    """A page with its generated part made anew.
+    """A page with its generated part replaced.
 
     Args:
-        text: the page as it is; what is outside its marks stays.
-        module: the module that makes the page, as ``python -m`` takes it.
+        text: the page as it is; text outside the marks is kept.
+        module: the module that generates the page, as ``python -m`` takes it.
         file: the page's path in the repository.
         generated: the new part.
 

@@ -1,4 +1,4 @@
-"""Numbers with a unit and limits, declared once on the field of a value, and read by all that checks or explains it.
+"""Numbers with a unit and limits, declared once on a dataclass field, for checks and for documentation.
 
 ::
 
@@ -23,16 +23,16 @@ from muro_zenoh.errors import ParameterError
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a number means and which ones make sense.
+    """The unit and the limits of a number.
 
     Args:
         unit: such as ``m/s``; empty for a plain number.
-        above: only values above this; None for no such limit.
-        at_least: only values of at least this.
-        below: only values below this.
-        at_most: only values of at most this.
-        finite: whether infinity is refused, too.
-        whole: whether only whole numbers make sense.
+        above: exclusive lower limit; None for none.
+        at_least: inclusive lower limit.
+        below: exclusive upper limit.
+        at_most: inclusive upper limit.
+        finite: whether infinity is refused.
+        whole: whether only integers are allowed.
     """
 
     unit: str = ""
@@ -47,7 +47,7 @@ class Quantity:
         """Whether a value is a number within the limits; NaN never is.
 
         Args:
-            value: what was given.
+            value: the value.
         """
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
             return False
@@ -61,10 +61,10 @@ class Quantity:
         )
 
     def allows_all(self, value: object) -> bool:
-        """Whether a value is such a number, or a tuple (of tuples) of them.
+        """Whether a value is such a number, or a (nested) tuple of such numbers.
 
         Args:
-            value: what was given.
+            value: the value.
         """
         return all(map(self.allows_all, value)) if isinstance(value, tuple) else self.allows(value)
 

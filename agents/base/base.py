@@ -1,6 +1,6 @@
 """The base's rules: which commands reach the wheels, when the dead-man stops them, and what is reported.
 
-Nothing here waits or sends: :mod:`agents.base.run` brings the commands and the time, and sends the reports.
+Nothing here waits or sends: :mod:`agents.base.run` passes the commands and the time, and sends the reports.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from muro_zenoh.transport import Received
 log = logging.getLogger(__name__)
 
 DEAD_MAN = channels.CMD_VEL.stale_after
-"""A command older than this is not obeyed any longer [s]."""
+"""Maximum age of a command that the wheels follow [s]."""
 
 
 class Base:
-    """One robot's base: it obeys fresh commands and stops the wheels when there is none.
+    """One robot's base: it follows fresh commands and stops the wheels when there is none.
 
     Args:
         name: the robot's name, for the log.
-        wheels: what it drives.
+        wheels: the wheels that it drives.
     """
 
     def __init__(self, name: str, wheels: Wheels) -> None:
@@ -43,12 +43,12 @@ class Base:
         """Take a command.
 
         Args:
-            received: the command as it came in.
-            now: the time that its age is judged by [s].
+            received: the received command.
+            now: the time, for its age [s].
         """
         age = received.age(now)
         if not age <= DEAD_MAN:  # written so that a NaN is refused too
-            return  # a backlog is no command
+            return  # stale: part of a backlog
         command = received.message
         if not command.epoch:
             self._refuse_unsigned()
@@ -65,34 +65,35 @@ class Base:
         self._wheels.command(command.v, command.omega)
 
     def _refuse_unsigned(self) -> None:
-        """Two processes that both omit their epoch could not be told apart, and would drive in turns."""
+        """Two processes that both omit their epoch could not be distinguished, and would drive in turns."""
         if not self._unsigned:
             self._unsigned = True
             log.warning(
-                "%s: got a command without `epoch`, expected a number drawn at its writer's start: not obeyed (logged "
-                "once)",
+                "%s: got a command without `epoch`, expected a random number drawn at its writer's start: ignored "
+                "(logged once)",
                 self._name,
             )
 
     def _change_writer(self, epoch: int, now: float) -> None:
-        """Two processes that command at once (an agent started twice, a stranger) would drive in turns, and a stop that
-        only one of them has received would not hold: while the other's last command is fresh, neither is obeyed."""
+        """Two processes that command at once (an agent started twice, a foreign program) would drive in turns, and a
+        stop received by only one of them would have no effect: neither is followed while commands of both are fresh."""
         if now <= self._expires:
             if now >= self._contested:
                 log.warning(
-                    "%s: two processes command these wheels, which are stopped: is an agent running twice?", self._name
+                    "%s: two processes command these wheels, so they are stopped: is an agent running twice?",
+                    self._name,
                 )
             self._contested = self._expires
         self._writer = epoch
 
     def beat(self, now: float) -> None:
-        """Read the wheels, and stop them at a hazard or when no command is fresh; call it at 50 Hz.
+        """Read the wheels, and stop them at a hazard or without a fresh command; call it at 50 Hz.
 
         Args:
             now: the time [s].
         """
         self._reading = self._wheels.read()
-        # Written so that a clock that makes no sense stops the wheels too.
+        # Written so that an invalid time stops the wheels too.
         if not now <= self._expires and not self._dead:
             self._dead = True
             log.warning("%s: no fresh command for %g s, wheels at zero", self._name, DEAD_MAN)
@@ -113,7 +114,7 @@ class Base:
         return Odometry(stamp=now, x=x, y=y, theta=theta, v=v, omega=omega)
 
     def state(self, now: float) -> BaseState | None:
-        """The base's state when it is due: on change, and twice a second; else None.
+        """The base's state when it is due: on change, and twice a second; otherwise None.
 
         Args:
             now: the time of the last beat [s].

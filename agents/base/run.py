@@ -28,8 +28,8 @@ _BEATS_TO_ODOMETRY = round(channels.ODOMETRY.period / _BEAT)
 
 
 class _Bases:
-    """The bases of one process, on one timer and one mailbox: a timer and a task for each robot would cost a simulator
-    of thirty 1,500 wake-ups a second."""
+    """The bases of one process, on one timer and one mailbox: with a timer and a task for each robot a simulator of
+    thirty would have 1,500 wake-ups a second."""
 
     def __init__(self, bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
         self._clock = clock
@@ -40,7 +40,7 @@ class _Bases:
         self._states = {name: bus.publisher(channels.BASE, name) for name in wheels}
 
     async def run(self) -> None:
-        """Obey each command as it comes, beat at 50 Hz; zero all wheels when leaving."""
+        """Follow each command when it arrives, beat at 50 Hz; set all wheels to zero at the end."""
         loop = asyncio.get_running_loop()
         due, beats = loop.time(), 0
         with ExitStack() as leaving:
@@ -53,7 +53,7 @@ class _Bases:
                 beats += 1
 
     async def _obey_until(self, due: float) -> None:
-        """Obey commands as they come, until ``due`` of the loop's time, however many come."""
+        """Follow commands as they arrive until loop time ``due``, even when they arrive without pause."""
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout_at(due) as waiting:
@@ -63,9 +63,9 @@ class _Bases:
                     if base is not None:
                         base.obey(received, self._clock.now())
                     if loop.time() >= due:
-                        await asyncio.sleep(0)  # a flood of commands leaves no other moment for the timeout
+                        await asyncio.sleep(0)  # let the timeout fire in a flood of commands
         except TimeoutError:
-            if not waiting.expired():  # the wheels' own: a serial line that does not answer
+            if not waiting.expired():  # raised by the wheels: a serial line that does not answer
                 raise
 
     def _beat(self, with_odometry: bool) -> None:
@@ -84,7 +84,7 @@ async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> Non
 
     Args:
         bus: the bus.
-        wheels: what turns, by the robot's name.
+        wheels: the wheels, by the robot's name.
         clock: for ages.
     """
     await _Bases(bus, wheels, clock).run()
@@ -96,7 +96,7 @@ async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
     Args:
         bus: the bus.
         name: the robot's name.
-        wheels: what turns.
+        wheels: the robot's wheels.
         clock: for ages.
     """
     await run_bases(bus, {name: wheels}, clock)
@@ -111,7 +111,7 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
 
     Raises:
         NotConnected: no router answered.
-        ConfigError: the settings have no such robot, or name wheels that there are not.
+        ConfigError: the settings have no such robot, or name unknown wheels.
     """
     if name not in scenario.robot:
         raise ConfigError(f"base {name}", got=repr(name), expected=f"one of {', '.join(scenario.robot)}")

@@ -1,4 +1,4 @@
-"""Wheels of the simulated plant: a whole room of them in the simulator, or one pair on a floor of its own."""
+"""Wheels of the simulated plant: of all robots in the simulator, or of one robot on its own floor."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
 
 STEP = 0.01
-"""The plant moves in steps of this [s]."""
+"""Step of the plant [s]."""
 
-_MOST = 0.5
-"""What the plant lags behind the clock by more than this is lost [s]: after a freeze nobody drives on blindly."""
+_MAX_CATCH_UP = 0.5
+"""Simulated time beyond this is skipped [s], so that robots do not drive on blindly after the process was suspended."""
 
 
 class Floor:
-    """A plant that keeps up with a clock: each look at it moves it on to now first.
+    """A plant that follows a clock: every access first advances it to now.
 
     Args:
         plant: the robots.
-        clock: what it keeps up with.
+        clock: the clock to follow.
 
     Attributes:
-        commands: (N, 2), what the wheels are commanded: v [m/s], omega [rad/s].
-        lost: time that was skipped, because this process was frozen [s].
+        commands: (N, 2), the current commands: v [m/s], omega [rad/s].
+        lost: skipped time, because this process was suspended [s].
     """
 
     def __init__(self, plant: Plant, clock: Clock) -> None:
@@ -35,27 +35,27 @@ class Floor:
         self._plant = plant
         self._clock = clock
         self._time = clock.now()
-        self._readings: list[WheelReading] = []  # of the plant as it is; empty when it has moved since
+        self._readings: list[WheelReading] = []  # cached until the plant moves
 
     @property
     def plant(self) -> Plant:
-        """The robots as they were at the last :meth:`catch_up`."""
+        """The robots at the last :meth:`catch_up`."""
         return self._plant
 
     @property
     def behind(self) -> float:
-        """How long ago the plant was as it is [s]; after :meth:`catch_up` less than one step, for it moves in steps."""
+        """Age of the plant's state [s]; after :meth:`catch_up` less than one step."""
         return self._clock.now() - self._time
 
     def catch_up(self) -> float:
-        """Move the plant on to now; the time of its state [s since 1970], less than one step ago."""
+        """Advance the plant to now; return the time of its state [s since 1970], less than one step ago."""
         behind = self._clock.now() - self._time
         if behind < STEP:
             return self._time
-        if behind > _MOST:
-            self.lost += behind - _MOST
-            self._time += behind - _MOST
-            behind = _MOST
+        if behind > _MAX_CATCH_UP:
+            self.lost += behind - _MAX_CATCH_UP
+            self._time += behind - _MAX_CATCH_UP
+            behind = _MAX_CATCH_UP
         for _ in range(int(behind / STEP)):
             self._plant.step(self.commands, STEP)
             self._time += STEP
@@ -63,14 +63,14 @@ class Floor:
         return self._time
 
     def reading(self, row: int) -> WheelReading:
-        """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edge.
+        """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edges.
 
         Args:
-            row: of the robot.
+            row: the robot's row.
         """
         self.catch_up()
         if not self._readings:
-            # Of all robots at once: who reads one, mostly reads the others next.
+            # For all robots at once: the reader of one usually reads all.
             rows = np.concatenate((self._plant.odometry_pose, self._plant.odometry_twist), axis=1)
             self._readings = [WheelReading(*numbers) for numbers in rows.tolist()]
         return self._readings[row]
@@ -81,7 +81,7 @@ class SimulatedWheels:
 
     Args:
         floor: the floor.
-        row: of this robot.
+        row: this robot's row.
     """
 
     def __init__(self, floor: Floor, row: int) -> None:
@@ -89,8 +89,8 @@ class SimulatedWheels:
         self._row = row
 
     def command(self, v: float, omega: float) -> None:
-        """Turn so that a nominal robot would do ``v`` [m/s] and ``omega`` [rad/s]."""
-        self._floor.catch_up()  # until now the old command held
+        """Turn the wheels so that a nominal robot would drive at ``v`` [m/s] and ``omega`` [rad/s]."""
+        self._floor.catch_up()  # the old command applied until now
         self._floor.commands[self._row] = v, omega
 
     def read(self) -> WheelReading:
@@ -99,11 +99,11 @@ class SimulatedWheels:
 
 
 def make_wheels(robot: RobotSettings, clock: Clock) -> SimulatedWheels:
-    """A nominal robot on a floor of its own, which no camera sees: to try a link and the dead-man.
+    """A nominal robot on its own floor, which no camera sees: to test a link and the dead-man.
 
     Args:
-        robot: what its wheels can do.
-        clock: what the floor keeps up with.
+        robot: its settings.
+        clock: the clock of the floor.
     """
     plant = Plant(np.zeros((1, 3)), np.random.default_rng(0), limits=robot.wheels, drive_error=0.0, slip=0.0)
     return SimulatedWheels(Floor(plant, clock), 0)

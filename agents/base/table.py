@@ -1,4 +1,4 @@
-"""The table of wheels: each file of this folder that is not named here drives one kind, and is called as its file is.
+"""The table of wheels: each file of this folder not listed here drives one kind, under the file's name.
 
 Such a file has one function, ``make_wheels(robot, clock)``. A robot's ``base`` setting names the file.
 """
@@ -25,15 +25,15 @@ def names() -> tuple[str, ...]:
 
 
 def check_base(scenario: Scenario, name: str, file: str) -> None:
-    """Refuse a robot whose wheels nothing here can drive; no driver is loaded.
+    """Refuse a robot without a driver for its wheels. No driver is loaded.
 
     Args:
         scenario: the settings.
         name: the robot's name.
-        file: where the settings came from, for errors.
+        file: the file of the settings, for errors.
 
     Raises:
-        ConfigError: its ``base`` is no file of this folder.
+        ConfigError: its ``base`` is not a file of this folder.
     """
     wanted = scenario.robot[name].base
     if wanted not in names():
@@ -45,7 +45,7 @@ def check_base(scenario: Scenario, name: str, file: str) -> None:
 
 
 def find(name: str) -> MakeWheels:
-    """What makes the wheels of a kind. The driver is loaded now, with all that it needs.
+    """Load the driver of a kind of wheels.
 
     Args:
         name: the kind, one of :func:`names`.

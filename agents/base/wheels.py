@@ -1,4 +1,4 @@
-"""What a base needs of the wheels."""
+"""The interface of the wheels to a base."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from muro_zenoh.runtime.clock import Clock
 
 
 class WheelReading(NamedTuple):
-    """What the wheels and the body report.
+    """A reading of the wheels and the body.
 
     ``x`` [m], ``y`` [m], ``theta`` [rad]: the encoders' pose, in a frame of its own. ``v`` [m/s], ``omega`` [rad/s]:
-    their twist. ``battery`` in [0, 1]. ``charging``, ``bumper``, ``cliff``, ``wheel_drop``: as they say.
+    their twist. ``battery`` in [0, 1]. ``charging``, ``bumper``, ``cliff``, ``wheel_drop``: the sensors' states.
     """
 
     x: float
@@ -28,7 +28,7 @@ class WheelReading(NamedTuple):
 
     @property
     def hazard(self) -> str:
-        """What forbids the wheels to turn; empty when nothing does."""
+        """The hazard that forbids driving; empty when there is none."""
         for name in ("bumper", "cliff", "wheel_drop"):
             if getattr(self, name):
                 return name
@@ -36,21 +36,21 @@ class WheelReading(NamedTuple):
 
 
 class Wheels(Protocol):
-    """The wheels of one robot. None of these blocks."""
+    """The wheels of one robot. No method blocks."""
 
     def command(self, v: float, omega: float) -> None:
-        """Turn so that the robot would do ``v`` [m/s] and ``omega`` [rad/s]; (0, 0) stops at once, never ramped."""
+        """Drive at ``v`` [m/s] and ``omega`` [rad/s]; (0, 0) stops at once, without a ramp."""
         ...
 
     def read(self) -> WheelReading:
-        """What they report now."""
+        """The current reading."""
         ...
 
 
 class MakeWheels(Protocol):
-    """What a driver's file calls ``make_wheels``: it finds the wheels of one robot, and may raise when there are none.
+    """The type of a driver's ``make_wheels``: it opens the wheels of one robot, and may raise when there are none.
 
-    ``robot``: its settings. ``clock``: the process's, for wheels that look at the time.
+    ``robot``: its settings. ``clock``: the process's clock, for wheels that need the time.
     """
 
     def __call__(self, robot: RobotSettings, clock: Clock) -> Wheels: ...

@@ -1,1 +1,1 @@
-"""What an agent does side by side: control, behaviour, orders, health. Each awaits its keys, calls, and sends."""
+"""The concurrent tasks of an agent: control, behaviour, orders, health. Each awaits its keys, calls, and sends."""

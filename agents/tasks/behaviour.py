@@ -1,4 +1,4 @@
-"""Runs the behaviour that the base station keeps for this robot, and changes it live."""
+"""Runs the behaviour that is ordered for this robot, and changes it live."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from muro_zenoh.transport import Bus
 log = logging.getLogger(__name__)
 
 _LEAVE_TIMEOUT = 1.0
-"""How long a behaviour that is cancelled is waited for [s]; the robot is stationary meanwhile."""
+"""How long a cancelled behaviour may take to end [s]; the robot is stationary meanwhile."""
 
 _EVERYTHING = frozenset(Need) - {Need.GOALS}
 
 
 class BehaviourRunner:
-    """The behaviour that runs.
+    """Runs one behaviour at a time.
 
-    One that cannot be loaded, refuses its parameters, raises anything, or ends by itself leaves the robot stationary,
-    with the reason, until a behaviour is ordered, the same one or another. One that ignores its cancellation, or leaves
-    a task behind, is revoked: nothing that it asks for is done.
+    A behaviour that cannot be loaded, refuses its parameters, raises an exception, or ends by itself leaves the robot
+    stationary, with the reason, until a behaviour is ordered, the same or another. A behaviour that ignores its
+    cancellation, or leaves a task behind, is revoked: its calls have no effect.
 
     Args:
         bus: the bus.
         vehicle: the robot.
         settings: its section of the fleet file.
         loop: the control loop.
-        listener: what others say.
+        listener: receives what the behaviour needs.
         sender: sends the messages.
 
     Attributes:
-        name: of the behaviour that runs; empty before the first order.
+        name: name of the running behaviour; empty before the first order.
         outcome: ``failed`` or ``ended`` once it has done so by itself; empty while it runs.
-        failure: why it has, in a line; empty while it runs.
+        failure: the reason of the outcome, in one line; empty while it runs.
     """
 
     def __init__(
@@ -82,21 +82,21 @@ class BehaviourRunner:
         )
 
     async def run(self) -> None:
-        """Start the behaviour that is ordered; at another order end it and start the next."""
+        """Start each behaviour that is ordered, after ending the one before."""
         try:
             await self._take_orders()
         finally:
             await self._end()
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
-        """Hand a goal to the behaviour that runs.
+        """Pass a goal to the running behaviour.
 
         Args:
             goal: where to go.
-            seen: what there is to see.
+            seen: the current observations.
 
         Returns:
-            Why it is not taken; empty when it is.
+            Why the goal is refused; empty when it is accepted.
         """
         if self._built_in is None:
             return f"the behaviour {self.name} takes no goals" if self.name else "no behaviour yet"
@@ -112,7 +112,7 @@ class BehaviourRunner:
             wanted = (order.behaviour, order.parameters)
             again = bool(self.outcome) and order.revision != revision
             if wanted == current and not again:
-                continue  # the base station repeats what it keeps
+                continue  # the base station repeats the kept state
             current, revision = wanted, order.revision
             self._hold("the behaviour is changing")
             await self._end()
@@ -128,7 +128,7 @@ class BehaviourRunner:
                 return
             built_in = make_behaviour(found, order.parameters, self._vehicle, f"behaviour of {self._vehicle.name}")
         except (MuroError, ValueError) as error:
-            # What a user's module raises while it is imported is the cause of our own error.
+            # An exception from importing a user's module is the cause of our own error.
             self._hold(self._fail(error, error.__cause__ if isinstance(error, MuroError) else error))
             return
         self._listener.need(found.needs)
@@ -149,7 +149,7 @@ class BehaviourRunner:
             await function(robot)
         except asyncio.CancelledError:
             if robot.revoked:
-                raise  # it was asked to end
+                raise  # cancelled by _end
             reason = self._end_early("it was cancelled by itself")
         except (Exception, BaseExceptionGroup, SystemExit) as error:
             if robot.revoked:
@@ -163,7 +163,7 @@ class BehaviourRunner:
         self._loop.behave(None)
         self._hold(reason)
 
-    # ---- ends that nobody ordered
+    # ---- failures, and functions that return
 
     def _fail_in(self, function: Callable[..., Any], error: BaseException) -> str:
         return self._fail(error, error, function)
@@ -171,7 +171,7 @@ class BehaviourRunner:
     def _fail(
         self, error: BaseException, shown: BaseException | None, function: Callable[..., Any] | None = None
     ) -> str:
-        """Log a failure, with the traceback of ``shown``; the reason for standing still."""
+        """Log a failure, with the traceback of ``shown``; return the reason to hold."""
         self.outcome, self.failure = "failed", f"behaviour {self.name}: {failure_of(error, function)}"
         log.error("%s", self.failure, exc_info=shown)
         return self.failure
@@ -182,7 +182,7 @@ class BehaviourRunner:
         return self.failure
 
     async def _end(self) -> None:
-        """End what runs. Were its task awaited itself, its cancellation could not be distinguished from our own."""
+        """End the running behaviour. Awaiting its task directly would make its cancellation look like our own."""
         self._loop.behave(None)
         self._built_in = None
         if self._robot is not None:
@@ -195,7 +195,7 @@ class BehaviourRunner:
         await asyncio.wait({task}, timeout=_LEAVE_TIMEOUT)
         if not task.done():
             log.error(
-                "%s has not ended %g s after it was cancelled: let CancelledError pass; it is revoked",
+                "%s has not ended %g s after it was cancelled, and is revoked: do not suppress CancelledError",
                 task.get_name(),
                 _LEAVE_TIMEOUT,
             )

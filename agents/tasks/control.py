@@ -1,4 +1,4 @@
-"""The control task: awaits fixes, and hands them, with all that came besides, to the control loop."""
+"""The control task: awaits fixes, and passes them and all other inputs to the control loop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from muro_zenoh.messages import FleetSnapshot, PoseFix, SpeedReference
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
 
 TICK: Final = 1.5 * channels.POSE.period
-"""When no fix has come for this long, the estimate is moved on without one [s]."""
+"""When no fix has arrived for this time, the estimate is predicted without one [s]."""
 
 
 class Sender:
@@ -31,10 +31,10 @@ class Sender:
         self._publishers: dict[str, Publisher[Any]] = {}
 
     def send(self, out: Outgoing) -> None:
-        """Send messages. Most robots never use most channels, so a publisher is declared with the first.
+        """Send messages. Most robots never use most channels, so a publisher is declared with its first message.
 
         Args:
-            out: what the control loop returned.
+            out: messages from the control loop.
         """
         for channel, message in out:
             publisher = self._publishers.get(channel.word)
@@ -44,7 +44,7 @@ class Sender:
 
 
 class Listener:
-    """What others say, for the behaviour that runs: it hears only what that one needs.
+    """Receives what the running behaviour needs, and nothing else.
 
     Args:
         bus: the bus.
@@ -59,24 +59,24 @@ class Listener:
         self._snapshot: Latest[FleetSnapshot] | None = None
 
     def need(self, needs: frozenset[Need]) -> None:
-        """Listen to what a behaviour needs.
+        """Subscribe to what a behaviour needs.
 
         Args:
-            needs: of the behaviour that starts.
+            needs: needs of the behaviour that starts.
         """
         bus = self._bus
         if Need.CIRCLE in needs and self._circle is None:
             self._circle = bus.latest(channels.CIRCLE)
         if Need.SNAPSHOT in needs and self._snapshot is None:
             self._snapshot = bus.latest(channels.ALL_POSITIONS)
-        if self._speed is not None:  # what was said to the behaviour before is not said to this one
+        if self._speed is not None:  # a speed for the previous behaviour is not one for this behaviour
             self._speed.close()
             self._speed = None
         if Need.SPEED in needs:
             self._speed = bus.latest(channels.VELOCITY, self._name)
 
     def surroundings(self, now: float) -> Surroundings:
-        """What they say now.
+        """What has been received until now.
 
         Args:
             now: the time [s].
@@ -105,12 +105,12 @@ def _fresh(inbox: Latest[Any] | None, now: float, limit: float | None) -> tuple[
 
 
 class Signals:
-    """What the tasks of an agent wake each other by; made on the loop.
+    """Events between the tasks of an agent; created on the loop.
 
     Attributes:
         changed: there is something new to report.
-        located: the robot has had a pose.
-        latencies: from the arrival of each fix to the command that used it, since they were last reported [s].
+        located: the robot has received its first pose.
+        latencies: for each fix since the last report, the time from its arrival to the command that used it [s].
     """
 
     def __init__(self) -> None:
@@ -120,15 +120,15 @@ class Signals:
 
 
 async def control(bus: Bus, name: str, loop: ControlLoop, listener: Listener, sender: Sender, signals: Signals) -> None:
-    """Await fixes; at each one, and when one is overdue, let the control loop command. Command zero when leaving.
+    """Await fixes; at each one, and when one is overdue, update the control loop. Command zero at the end.
 
     Args:
         bus: the bus.
         name: the robot's name.
         loop: the control loop.
-        listener: what others say.
+        listener: receives what the behaviour needs.
         sender: sends the messages.
-        signals: what the other tasks are woken by.
+        signals: wakes the other tasks.
     """
     clock = bus.clock
     poses = bus.every(channels.POSE, name)

@@ -1,4 +1,4 @@
-"""What went wrong in a behaviour, in a line: what was raised, and where in the user's own file."""
+"""One-line description of a behaviour's failure: the exception, and the line in the user's file."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any
 from muro_zenoh.errors import MuroError
 
 _LONGEST = 200
-"""Operators read it in a table, so it is cut here [characters]."""
+"""Maximum length for the live table [characters]."""
 
 
 def failure_of(error: BaseException, function: Callable[..., Any] | None = None) -> str:
-    """An error as operators read it; the log has its whole traceback.
+    """An exception in one line, for operators; the log has the whole traceback.
 
     Args:
-        error: what was raised; of a group, its first error counts.
-        function: the user's own behaviour that raised it; None for a built-in one.
+        error: the exception; of a group, the first one counts.
+        function: the user's behaviour that raised it; None for a built-in one.
 
     Returns:
         One line.
@@ -33,7 +33,7 @@ def failure_of(error: BaseException, function: Callable[..., Any] | None = None)
 
 
 def _place(error: BaseException, function: Callable[..., Any]) -> str:
-    """The last line of the user's that was executed: in the folder of the behaviour's file, not in what it calls."""
+    """The last executed line in the folder of the behaviour's file, not in libraries that it calls."""
     code = function.__code__
     folder = os.path.dirname(code.co_filename)
     own = [

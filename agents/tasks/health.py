@@ -1,16 +1,20 @@
-"""Says how the agent is: once a second, and at once when the robot starts or stops to drive."""
+"""Reports the agent's health once a second, and at once when the robot starts or stops driving."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Signals
 from muro_zenoh import channels
 from muro_zenoh.messages import Health
+from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus
+
+log = logging.getLogger(__name__)
 
 _PERIOD = channels.HEALTH.period
 
@@ -27,11 +31,12 @@ async def report_health(
     Args:
         bus: the bus.
         name: the robot's name.
-        loop: the control loop; its lists of measurements are emptied.
-        runner: the behaviour that runs.
-        signals: what wakes this task; its latencies are emptied.
+        loop: the control loop; its measurements are cleared.
+        runner: runs the behaviour.
+        signals: wakes this task; its latencies are cleared.
     """
     publisher = bus.publisher(channels.HEALTH, name)
+    waiting = WaitingLog(log, "stationary", "no longer stationary")
     commands, since, rate = 0, bus.clock.now(), 0.0
     while True:
         now = bus.clock.now()
@@ -42,6 +47,7 @@ async def report_health(
         loop.pose_ages.clear()
         signals.latencies.clear()
         loop.changed = False
+        waiting.note(now, loop.reasons)
         publisher.put(
             Health(
                 role="agent",
@@ -57,7 +63,7 @@ async def report_health(
                 samples=samples,
                 failure=runner.failure,
                 stop_latched=loop.latch.stopped,
-                stop_all=loop.latch.everybody,
+                stop_all=loop.latch.all_robots,
                 stop_revision=max(loop.latch.revision, 0),
             )
         )

@@ -14,7 +14,7 @@ from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Bus
 
 _FIRST_POSE_TIMEOUT = 0.7
-"""A goal for a robot that has had no pose yet waits this long for the first [s]."""
+"""How long a goal waits for the robot's first pose [s]."""
 
 
 async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signals) -> None:
@@ -24,7 +24,7 @@ async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signa
         bus: the bus.
         loop: the control loop, which holds the latch.
         sender: sends the command.
-        signals: what the health report is woken by.
+        signals: wakes the health report.
     """
     async for order in bus.every(channels.STOP, depth=16):
         sender.send(loop.take_stop(bus.clock.now(), order.message))
@@ -33,14 +33,14 @@ async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signa
 
 
 def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner, signals: Signals) -> None:
-    """Answer every goal that is sent to this robot: taken, or why not.
+    """Answer every goal for this robot: accepted, or refused with the reason.
 
     Args:
         bus: the bus.
         name: the robot's name.
-        loop: for what there is to see.
-        runner: the behaviour that takes goals, or does not.
-        signals: for the first pose: an agent that has just started is waited for.
+        loop: the control loop, which has the current observations.
+        runner: passes the goals to the behaviour.
+        signals: for the first pose, because an agent may have just started.
     """
 
     async def answer(goal: Goal) -> Reply:

@@ -55,9 +55,6 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         behaviour: of each robot.
         stop_all: everybody is stopped.
         stop_names: ... or these are.
-
-    Raises:
-        ValueError: a radius that is not positive.
     """
 
     revision: Annotated[int, Meta(ge=0)] = 1
@@ -67,10 +64,6 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     behaviour: dict[Name, KeptBehaviour]
     stop_all: bool = False
     stop_names: tuple[Name, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not self.circle.radius > 0.0:
-            raise ValueError(f"circle: got a radius of {self.circle.radius:g} m, expected more than 0")
 
     @classmethod
     def initial(cls, scenario: Scenario) -> KeptState:
@@ -96,7 +89,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             new = new._changed(circle=scenario.circle)
         if new._next_revision(0) > MOST_REVISION:
             # No robot would believe it. A new count is far behind whatever they have received, and so it is newer.
-            new = msgspec.structs.replace(new, revision=1, stop_revision=1)
+            new = msgspec.structs.replace(new, revision=1, stop_revision=1, lifted_revision=0)
         missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
         return new._changed(behaviour={**new.behaviour, **missing}) if missing else new
 

@@ -80,6 +80,14 @@ class FleetTable:
         self._motions.pop(name, None)
         return self._rows.pop(name, None) is not None
 
+    def knows(self, name: str) -> bool:
+        """Whether a robot was ever seen, since it was last forgotten.
+
+        Args:
+            name: of the robot.
+        """
+        return name in self._rows
+
     def snapshot(self, now: float) -> tuple[RobotState, ...]:
         """All robots that were ever seen, by name.
 

@@ -1,1 +1,1 @@
-"""The only place where pixels become metres."""
+"""The only place where pixels are converted to metres."""

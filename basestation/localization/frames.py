@@ -1,4 +1,4 @@
-"""A camera's bytes to a picture."""
+"""Decodes a camera's frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Picture = NDArray[np.uint8]
 
 
 def decode_frame(encoding: str, width: int, height: int, data: bytes) -> Picture:
-    """The picture that a frame's payload holds.
+    """The picture in a frame's payload.
 
     Args:
         encoding: ``jpeg``, or ``grey`` for ``width * height`` bytes, row by row.
@@ -21,27 +21,27 @@ def decode_frame(encoding: str, width: int, height: int, data: bytes) -> Picture
         data: the payload.
 
     Returns:
-        (height, width) of uint8. Of ``grey`` it is a read-only view of ``data``.
+        (height, width) of uint8. For ``grey`` it is a read-only view of ``data``.
 
     Raises:
-        MessageError: another encoding, bytes that are no whole JPEG, or a picture of another size.
+        MessageError: another encoding, bytes that are not a complete JPEG, or a picture of another size.
     """
     if encoding == "grey":
         if len(data) != width * height:
             raise MessageError(
                 f"a grey frame of {len(data)} bytes, expected {width} x {height} = {width * height}: "
-                "one byte a pixel, without padding"
+                "one byte per pixel, without padding"
             )
         return np.frombuffer(data, dtype=np.uint8).reshape(height, width)
     if encoding != "jpeg":
         raise MessageError(f"a frame in {encoding!r}, expected 'jpeg' or 'grey'")
     size = jpeg_size(data)
-    # Before decoding: a few bytes can claim a picture of gigabytes.
+    # Check before decoding: a few bytes can claim a picture of gigabytes.
     if size != (width, height):
         raise MessageError(f"a JPEG of {size[0]} x {size[1]} pixels, expected {width} x {height} as its message says")
     if data.rfind(b"\xff\xd9", -64) < 0:
-        # OpenCV would fill the missing part with grey, and the robots in it would be gone.
-        raise MessageError(f"a JPEG of {len(data)} bytes that breaks off, expected an end marker")
+        # OpenCV would fill the missing part with grey, and the robots in it would be missed.
+        raise MessageError(f"a JPEG of {len(data)} bytes that is truncated, expected an end marker")
     try:
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
     except cv2.error as error:
@@ -52,7 +52,7 @@ def decode_frame(encoding: str, width: int, height: int, data: bytes) -> Picture
 
 
 def jpeg_size(data: bytes) -> tuple[int, int]:
-    """Width and height [px] that a JPEG's frame header states.
+    """Width and height [px] in a JPEG's frame header.
 
     Args:
         data: a JPEG (ITU T.81, annex B).

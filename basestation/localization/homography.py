@@ -1,6 +1,6 @@
 """From a camera's pixels to metres on the plane of the tags, and back.
 
-The only place in the project where pixels become metres.
+The only place in the project where pixels are converted to metres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from muro_zenoh.geometry import View
 
 Array = NDArray[np.float64]
 
-_RANK = 1e-4  # of the smallest kept singular value to the largest, in normalised points: below it, noise decides
+_RANK = 1e-4  # least ratio of smallest to largest singular value, in normalised points: below it noise dominates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,8 +25,8 @@ class Homography:
     """A projective map of the plane (Hartley and Zisserman, Multiple View Geometry, 2003, chapter 4).
 
     Attributes:
-        matrix: (3, 3), from homogeneous pixels to homogeneous metres, whose third component is positive in the picture.
-        residual: root mean square, over the views it was fitted to, of the distance between seen and mapped place [px].
+        matrix: (3, 3), from homogeneous pixels to homogeneous metres; the third component is positive in the picture.
+        residual: root mean square of the distance between seen and projected points, over the fitted views [px].
     """
 
     matrix: Array
@@ -34,22 +34,20 @@ class Homography:
 
     @classmethod
     def fit(cls, views: Sequence[View], *, camera: str) -> Homography:
-        """The homography of a camera, from places whose pixels are known.
+        """The homography of a camera, from points with known pixels.
 
-        Exact for four views, least squares of the distance in pixels for more.
+        Exact for four views; for more, least squares of the distance in pixels.
 
         Args:
-            views: at least four; no three of the four, or all but one of more, in one line.
+            views: at least four; no three of four collinear, and of more views at least two off any line.
             camera: name of the camera, for the errors.
 
         Raises:
-            ConfigError: too few views, not finite, in a line, in a wrong order, or mirrored.
+            ConfigError: too few, non-finite, collinear, wrongly ordered or mirrored views.
         """
         where = f"camera {camera}: points"
         if len(views) < 4:
-            raise ConfigError(
-                where, got=f"{len(views)} points", expected="at least 4, each with its pixel and its place"
-            )
+            raise ConfigError(where, got=f"{len(views)} points", expected="at least 4, each with pixel and position")
         table = np.array(views, dtype=np.float64)
         if table.shape[1:] != (4,) or not np.isfinite(table).all():
             raise ConfigError(where, got=f"{table.tolist()}", expected="rows of four finite numbers: u, v, x, y")
@@ -57,20 +55,24 @@ class Homography:
         if _rank_ratio(pixels, metres) < _RANK:
             raise ConfigError(
                 where,
-                got="points that lie in a line or in one place",
-                expected="four points of which no three lie in a line, in the picture and on the floor",
-                hint="Take the corners of a large rectangle",
+                got="collinear or coinciding points",
+                expected="four points, no three of them collinear, in the picture and on the floor",
+                hint="Use the corners of a large rectangle",
             )
         to_pixels, _ = cv2.findHomography(metres, pixels)
         if to_pixels is None:
-            raise ConfigError(where, got="points that fix no homography", expected="four corners of a rectangle, say")
+            raise ConfigError(
+                where,
+                got="points that do not determine a homography",
+                expected="for example the corners of a rectangle",
+            )
         matrix = _inverse(np.asarray(to_pixels, dtype=np.float64))
         depth = pixels @ matrix[2, :2] + matrix[2, 2]
         if (depth > 0.0).any() and (depth < 0.0).any():
             raise ConfigError(
                 where,
-                got="points that no camera sees so: the floor would be folded over",
-                expected="each pixel beside its own place",
+                got="points that no camera could see like this: the floor would be folded",
+                expected="each pixel with its own position",
                 hint="Are two points swapped?",
             )
         matrix = matrix * np.sign(depth[0]) / np.abs(depth).mean()
@@ -78,14 +80,14 @@ class Homography:
             raise ConfigError(
                 where,
                 got="a mirrored floor",
-                expected="a floor seen from above: places in counter-clockwise order are so in the picture too",
+                expected="a floor seen from above, with the same order of points in the picture and on the floor",
                 hint="Is y measured downwards, or are x and y swapped?",
             )
         error = _project(_inverse(matrix), metres) - pixels
         return cls(matrix, float(np.sqrt((error**2).sum(axis=1).mean())))
 
     def to_metres(self, points: Array) -> Array:
-        """Places of pixels.
+        """Positions of pixels.
 
         Args:
             points: (..., 2) [px]; integers are pixel centres.
@@ -96,18 +98,18 @@ class Homography:
         return _project(self.matrix, points)
 
     def to_pixels(self, points: Array) -> Array:
-        """Pixels of places.
+        """Pixels of positions.
 
         Args:
             points: (..., 2) [m, world].
 
         Returns:
-            (..., 2) [px]; NaN for places that the camera has behind it.
+            (..., 2) [px]; NaN for positions behind the camera.
         """
         return _project(_inverse(self.matrix), points)
 
     def jacobian(self, points: Array) -> Array:
-        """How places move with pixels.
+        """Derivatives of positions with respect to pixels.
 
         Args:
             points: (..., 2) [px].
@@ -134,7 +136,7 @@ def _project(matrix: Array, points: Array) -> Array:
 
 
 def _rank_ratio(pixels: Array, metres: Array) -> float:
-    """How far the views are from fixing no homography, or one that flattens the floor: 0 when they do."""
+    """How well the views determine an invertible homography; 0 when they do not."""
     (u, v), (x, y) = _normalised(pixels).T, _normalised(metres).T
     one, zero = np.ones_like(u), np.zeros_like(u)
     rows = np.concatenate(
@@ -149,7 +151,7 @@ def _rank_ratio(pixels: Array, metres: Array) -> float:
 
 
 def _normalised(points: Array) -> Array:
-    """Moved to the mean 0 and scaled to the mean distance 1."""
+    """Shifted to mean 0 and scaled to mean distance 1."""
     centred = points - points.mean(axis=0)
     scale = float(np.linalg.norm(centred, axis=1).mean())
     scaled: Array = centred / (scale or 1.0)

@@ -1,6 +1,7 @@
-"""One camera's pictures in, the poses of the robots in it out.
+"""Locates robots in one camera's pictures.
 
-Picture -> markers [px] -> places of the corners [m] -> pose of the tag -> pose of the robot's base. No bus, no clock.
+Picture -> markers [px] -> positions of the corners [m] -> pose of the tag -> pose of the robot's base. No bus, no
+clock.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from muro_zenoh.geometry import Pose2, TagMount
 Array = NDArray[np.float64]
 
 _SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag of side 1, as printed, clockwise
-_COAST = 4  # pictures that a hidden tag is taken to move on for
-_SIZE_OFF = 0.3  # a print that seems so much larger or smaller than its tag is another print (blur and ink cost 0.05)
-_SHAPE_OFF = 0.15  # root mean square of the corners' misfit to a square, in sides
+_COAST = 4  # pictures for which a hidden tag is assumed to keep moving
+_SIZE_OFF = 0.3  # relative size error above which a print is not the tag (blur and ink cause 0.05)
+_SHAPE_OFF = 0.15  # maximum root mean square error of the corners from a square, in sides
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Track:
-    """A tag seen lately: where (moved on while hidden), its step from picture to picture [px], pictures without it."""
+    """A recently seen tag: its position (predicted while hidden), its step per picture [px], pictures without it."""
 
     marker: Marker
     step: tuple[float, float] = (0.0, 0.0)
@@ -40,7 +41,7 @@ class _Track:
         return self.marker.moved(*self.step)
 
     def unseen(self) -> _Track:
-        # What hides it for a moment does not stop it; after that, its motion is unknown.
+        # A tag that is hidden for a moment keeps moving; after that its motion is unknown.
         goes_on = self.missed < _COAST
         return _Track(self.expected(), self.step if goes_on else (0.0, 0.0), self.missed + 1)
 
@@ -48,31 +49,31 @@ class _Track:
 class Localizer:
     """Finds the robots in one camera's pictures.
 
-    Pictures are searched near the tags' last places. The whole picture is searched every ``sweep_every`` pictures, for
-    tags that come in; and every ``search_every`` while one that was seen lately is missing, or none is known, so that a
+    Pictures are searched near the tags' last positions. The whole picture is searched every ``sweep_every`` pictures,
+    for new tags; and every ``search_every`` pictures while a recently seen tag is missing, or none is known, so that a
     hidden robot does not cost a whole search each time.
 
-    A number that is seen at two places (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no
-    sighting at all: which of the two is the robot is unknown.
+    A number that is seen twice (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no sighting,
+    because it is unknown which of the two is the robot.
 
     Attributes:
-        unknown_tags: numbers seen in the latest whole picture that no robot has.
-        duplicate_tags: numbers that the latest picture shows more than once.
-        misfit_tags: numbers seen since the latest whole search as something that is not a square of the tag's size,
-            and the size seen [m]. A wrong ``tag_size``, or not the tag.
-        swept: whether the latest picture was searched as a whole.
+        unknown_tags: numbers in the newest whole picture that no robot has.
+        duplicate_tags: numbers that are more than once in the newest picture.
+        misfit_tags: numbers seen since the newest whole search on something that is not a square of the tag's size,
+            with the size seen [m]: a wrong ``tag_size``, or not the tag.
+        swept: whether the newest picture was searched as a whole.
 
     Args:
         camera: its name.
         homography: from its pixels to metres.
-        detector: of the robots' family of tags.
-        tags: from a tag's number to the robot's name and the tag's place on it.
-        size: width and height that the homography holds for [px]; None takes any.
-        corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures, tags of 37
-            pixels: 0.15 explains the headings, and is cautious by a factor of 2 about the places.
+        detector: for the robots' family of tags.
+        tags: from a tag's number to the robot's name and the tag's mounting pose.
+        size: width and height for which the homography is valid [px]; None accepts any.
+        corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures with tags of
+            37 pixels: 0.15 matches the headings, and is conservative by a factor of 2 for the positions.
         sweep_every: pictures from one whole search to the next.
-        search_every: the same, while a tag that was seen lately is missing.
-        remember: pictures that a tag is looked for after it was last seen.
+        search_every: the same while a recently seen tag is missing.
+        remember: number of pictures for which a tag is searched after it was last seen.
     """
 
     def __init__(
@@ -105,13 +106,13 @@ class Localizer:
         self._since_sweep = sweep_every
 
     def locate(self, image: Picture) -> list[Sighting]:
-        """The robots that a picture shows, each at most once, in the order of their tags' numbers.
+        """The robots in a picture, each at most once, in the order of their tags' numbers.
 
         Args:
             image: (height, width), grey; the next picture of this camera.
 
         Raises:
-            MessageError: a picture of another size than the homography holds for.
+            MessageError: a picture of another size than that of the homography.
         """
         height, width = image.shape
         if self._size is not None and (width, height) != self._size:
@@ -136,7 +137,7 @@ class Localizer:
         return markers
 
     def _follow(self, markers: list[Marker]) -> None:
-        """Takes the markers for the tracks' next places, nearest first, and the rest for new tracks."""
+        """Assign markers to tracks, nearest first; the others start new tracks."""
         left = list(self._tracks)
         tracks: list[_Track] = []
         for marker in markers:
@@ -164,7 +165,7 @@ class Localizer:
         sightings = []
         for marker, slope, pose, side, misfit in zip(markers, slopes, poses, sides, misfits, strict=True):
             name, mount = self.tags[marker.id]
-            # Also false when anything is NaN: a tag on the horizon.
+            # Also false for NaN: a tag on the horizon.
             if not (abs(side / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * side):
                 self.misfit_tags[marker.id] = side
                 continue
@@ -175,7 +176,7 @@ class Localizer:
 
 
 def fit_squares(corners: Array) -> tuple[list[Pose2], list[float], list[float]]:
-    """The squares that fours of corners are nearest to: least squares over moves, turns and sizes.
+    """The squares nearest to sets of four corners: least squares over position, rotation and size.
 
     With the corners as complex numbers w and those of a centred square of side 1 as z, the best a in w = c + a z is
     ``sum(conj(z) (w - mean(w))) / sum(|z|^2)``; its angle is the heading and its modulus the side.
@@ -198,10 +199,10 @@ def fit_squares(corners: Array) -> tuple[list[Pose2], list[float], list[float]]:
 
 
 def _covariance(slope: list[list[float]], corner_noise: float, mount: TagMount, theta: float) -> tuple[float, ...]:
-    """Of the base's pose, from independent noise on the tag's four corners.
+    """Covariance of the base's pose, from independent noise on the tag's four corners.
 
     The centre has a quarter of a corner's variance; the heading, by the fit above, that of a corner across the radius
-    over ``sum(|z|^2) = 2 size^2``. The base is a lever away from the tag's centre, so a wrong heading moves it.
+    over ``sum(|z|^2) = 2 size^2``. The base is at a distance from the tag's centre, so a heading error moves it.
     """
     (xu, xv), (yu, yv) = slope
     corner = corner_noise * corner_noise

@@ -1,4 +1,4 @@
-"""Tags in a picture: their numbers and the pixels of their corners. Knows nothing of metres or robots."""
+"""Detects tags in a picture: their numbers and the pixels of their corners. No metres, no robots."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Marker:
-    """A tag that was seen, or is expected.
+    """A tag that was seen or is expected in a picture.
 
     Attributes:
-        id: the number that it encodes.
+        id: its number.
         corners: (4, 2) [px; integers are pixel centres]: as printed, the upper left corner, then clockwise.
     """
 
@@ -39,11 +39,11 @@ class Marker:
         return 0.25 * (math.dist(a, b) + math.dist(b, c) + math.dist(c, d) + math.dist(d, a))
 
     def is_same_as(self, other: Marker) -> bool:
-        """Whether both are one print: the same number, nearly the same place."""
+        """Whether both are the same print: the same number at nearly the same position."""
         return self.id == other.id and math.dist(self.centre, other.centre) < 0.5 * max(self.side, other.side)
 
     def moved(self, u: float, v: float) -> Marker:
-        """The same tag elsewhere.
+        """The same tag, shifted.
 
         Args:
             u: to the right [px].
@@ -53,20 +53,20 @@ class Marker:
 
 
 class TagDetector:
-    """OpenCV's detector of square tags, set for overhead cameras.
+    """OpenCV's detector of square tags, configured for overhead cameras.
 
-    Thresholding with one window suffices in a lit room. Dim, blurred or foreign pictures want ``windows=(9, 19)`` and a
-    ``contrast`` of 7. Tags below 20 pixels want OpenCV >= 4.14: older versions read half as many of them.
+    Thresholding with one window suffices in a lit room. Dim, blurred or foreign pictures need ``windows=(9, 19)`` and a
+    ``contrast`` of 7. Tags below 20 pixels need OpenCV >= 4.14: older versions read half as many of them.
 
-    "As printed" is as OpenCV prints: the AprilTag project's own picture of a ``DICT_APRILTAG`` tag is the same turned
-    by half a turn, so a robot that wears it has pi more in its ``tag_yaw``.
+    "As printed" means as OpenCV prints them: the AprilTag project's own pictures of ``DICT_APRILTAG`` tags are rotated
+    by half a turn, so add pi to the ``tag_yaw`` of a robot with such a print.
 
     Args:
         family: name of the tags' dictionary in OpenCV, such as ``DICT_4X4_50`` or ``DICT_APRILTAG_36h11``.
-        windows: least and greatest side of the adaptive threshold's window [px].
+        windows: minimum and maximum side of the adaptive threshold's window [px].
         step: from one window to the next [px].
-        contrast: how much darker than its window a pixel must be to be ink [grey levels].
-        smallest: side of the smallest tag looked for in a whole picture [px].
+        contrast: how much darker than its window a pixel must be to count as ink [grey levels].
+        smallest: side of the smallest tag to detect in a whole picture [px].
 
     Raises:
         ValueError: an unknown family.
@@ -98,15 +98,15 @@ class TagDetector:
         self._settings.perspectiveRemovePixelPerCell = 10
         self._settings.perspectiveRemoveIgnoredMarginPerCell = 0.33
         self._whole = cv2.aruco.ArucoDetector(self._dictionary, self._settings)
-        # In a crop a tag fills much of the view, and may touch its edge. (The rate counts in the longer side: at the
-        # whole picture's rate every speck of the crop would be a candidate.)
+        # In a crop a tag fills much of the view, and may touch its edge. (The rate is relative to the longer side: with
+        # that of the whole picture every speck in the crop would be a candidate.)
         self._settings.minMarkerPerimeterRate = 1.0
         self._settings.minDistanceToBorder = 0
         self._crop = cv2.aruco.ArucoDetector(self._dictionary, self._settings)
         self._rates: dict[int, cv2.aruco.ArucoDetector] = {}
 
     def detect(self, image: Picture) -> list[Marker]:
-        """All tags of a picture. A number that is seen at two places is there twice.
+        """All tags in a picture. A number that is seen twice is returned twice.
 
         Args:
             image: (height, width), grey.
@@ -114,14 +114,14 @@ class TagDetector:
         return _distinct(_markers(self._of(max(image.shape)), image, 0, 0))
 
     def detect_near(self, image: Picture, expected: Iterable[Marker], *, reach: float = 0.4) -> list[Marker]:
-        """The tags round the places where some are expected; several times faster than the whole picture.
+        """The tags near their expected positions; several times faster than searching the whole picture.
 
-        Any tag within a crop is returned, also when another was expected there.
+        All tags in a crop are returned, even when another one was expected there.
 
         Args:
             image: (height, width), grey.
-            expected: tags with the corners that they are expected at.
-            reach: how far a tag may be from there, in sides of the tag.
+            expected: tags with their expected corners.
+            reach: maximum distance of a tag from its expected position, in sides of the tag.
         """
         expected = [marker for marker in expected if np.isfinite(marker.corners).all()]
         if not expected:
@@ -139,7 +139,7 @@ class TagDetector:
         return _distinct(found)
 
     def _of(self, longest: int) -> cv2.aruco.ArucoDetector:
-        """The detector for whole pictures of a size: OpenCV counts the least perimeter in the longer side."""
+        """The detector for whole pictures of a size: OpenCV's minimum perimeter is relative to the longer side."""
         if longest not in self._rates:
             self._settings.minMarkerPerimeterRate = min(4.0 * self._smallest / longest, 1.0)
             self._settings.minDistanceToBorder = 1
@@ -156,7 +156,7 @@ def _markers(detector: cv2.aruco.ArucoDetector, image: Picture, left: int, top: 
 
 
 def _distinct(markers: list[Marker]) -> list[Marker]:
-    """Without those that overlapping crops saw twice."""
+    """The markers without duplicates from overlapping crops."""
     kept: dict[int, list[Marker]] = {}
     for marker in markers:
         same = kept.setdefault(marker.id, [])

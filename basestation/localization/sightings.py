@@ -1,6 +1,6 @@
-"""What cameras see, as values: the seam between the cameras and the rest of the base station.
+"""Sightings: the interface between the cameras and the rest of the base station.
 
-A fleet in virtual time gives the base station a source of its own and needs no pictures.
+A fleet in virtual time has its own source of sightings and needs no pictures.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Literal, Protocol
 from muro_zenoh.geometry import Pose2
 
 FrameQuality = Literal["good", "bad", "stale"]
-"""``bad``: a frame that cannot be used. ``stale``: one that is too old to be used."""
+"""``bad``: a frame that cannot be used. ``stale``: a frame that is too old."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """A robot as one frame shows it.
+    """A robot in one frame.
 
     Attributes:
         name: of the robot.
@@ -32,14 +32,14 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sightings:
-    """What one frame of a camera shows.
+    """The result of one frame of a camera.
 
     Attributes:
         camera: its name.
-        captured: when the frame was taken [s, local clock].
-        robots: each at most once; none in a frame that is not good.
+        captured: when the frame was captured [s, local clock].
+        robots: the robots seen, each at most once; empty unless the frame is good.
         frame: whether the frame could be used.
-        complaints: what is wrong with the camera or with the tags in its view, for the operator.
+        complaints: problems with the camera or with the tags in its view, for the operator.
     """
 
     camera: str
@@ -50,8 +50,8 @@ class Sightings:
 
 
 class SightingSource(Protocol):
-    """One camera, real or not: an asynchronous iterable of what its frames show, in the order of their capture."""
+    """One camera, real or simulated: an asynchronous iterable of the results of its frames, in order of capture."""
 
     def __aiter__(self) -> AsyncIterator[Sightings]:
-        """Begin to watch; the sightings of each frame that comes in from now on."""
+        """Start the camera; yields the sightings of each frame from now on."""
         ...

@@ -1,1 +1,1 @@
-"""The base station's tasks, one page each: await the newest input, take it in, send the result."""
+"""The base station's tasks, one file each: await the newest input, process it, send the result."""

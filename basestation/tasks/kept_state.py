@@ -1,4 +1,4 @@
-"""The kept state: publish circle, behaviours and stop twice a second, and adopt stops that robots have latched."""
+"""The kept state: publishes circle, behaviours and stop twice a second, and adopts stops that robots have latched."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ log = logging.getLogger(__name__)
 _PERIOD = channels.STOP.period
 
 _SHORTEST_ADOPTION = 0.15
-"""After its start the base station listens to the robots' health for at least this long before it publishes the stop
-state [s]: a stop that an operator gave while no base station ran must not be contradicted by the file ..."""
+"""After its start the base station receives the robots' health for at least this time before it publishes the stop
+state [s]: the file must not contradict a stop that an operator ordered while no base station was running ..."""
 
 _LONGEST_ADOPTION = 1.5
-"""... and for at most this long, until each agent that is alive has reported [s]."""
+"""... and for at most this time, until each agent that is alive has reported [s]."""
 
 _CHECK_PERIOD = 0.02
 
@@ -32,10 +32,10 @@ class KeptStateTask:
 
     Args:
         bus: the bus.
-        store: what is kept.
+        store: the kept state.
 
     Attributes:
-        adopted: the robots that are alive have reported, or had the time to; until then nothing is published.
+        adopted: whether all live agents have reported, or the time for it is over; until then nothing is published.
     """
 
     def __init__(self, bus: Bus, store: StateStore) -> None:
@@ -49,7 +49,7 @@ class KeptStateTask:
         self._reported: set[str] = set()
 
     async def run(self) -> None:
-        """Adopt first, then publish for ever."""
+        """Adopt first, then publish until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._adopt(tasks), name="adopt stops")
             await asyncio.sleep(_SHORTEST_ADOPTION)
@@ -63,7 +63,7 @@ class KeptStateTask:
                 await asyncio.sleep(_PERIOD)
 
     def publish(self) -> None:
-        """Publish the state as it is now, the stop first."""
+        """Publish the current state, the stop first."""
         if not self.adopted:
             return
         self._stop.put(self._store.stop)
@@ -72,7 +72,7 @@ class KeptStateTask:
             publisher.put(self._store.behaviour(name))
 
     async def _adopt(self, tasks: asyncio.TaskGroup) -> None:
-        """Listen to what the robots latched: a stop that this process never received is kept from now on."""
+        """Receive the robots' stop states: a latched stop that this process never received is kept from now on."""
         async for received in self._healths:
             health = received.message
             if health.role != Role.AGENT:
@@ -82,7 +82,7 @@ class KeptStateTask:
             if saved is not None:
                 log.warning("adopted the stop state of %s: %s", received.name, self._store.stop)
                 self.publish()
-                # The next robot's stop does not wait for the disk.
+                # The next robot's stop must not wait for the disk.
                 tasks.create_task(_logged(saved, received.name), name=f"save the stop of {received.name}")
 
 
@@ -90,4 +90,4 @@ async def _logged(saved: Awaitable[None], name: str) -> None:
     try:
         await saved
     except ConfigError as error:
-        log.error("the stop state of %s holds, but is not on the disk: %s", name, error)
+        log.error("the stop state of %s is active, but not saved: %s", name, error)

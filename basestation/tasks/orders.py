@@ -1,7 +1,7 @@
 """Orders to the base station: each is a query with one reply, accepted or refused with the reason.
 
-Nothing here waits for a camera. A change is on the disk before it is accepted; only a stop holds at once, and is
-published before the disk has it.
+Nothing here waits for a camera. A change is saved before it is accepted; only a stop takes effect at once and is
+published before it is saved.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class OrdersTask:
         self._positions = positions
 
     def listen(self) -> None:
-        """Answer from now on, until the bus is closed."""
+        """Answer orders until the bus is closed."""
         self._answer(channels.STOP_ORDER, self._stop)
         self._answer(channels.RESUME, self._resume)
         self._answer(channels.SET_CIRCLE, self._set_circle)
@@ -65,9 +65,9 @@ class OrdersTask:
         await saved
 
     async def _resume(self, order: Resume) -> None:
-        if not self._kept.adopted:  # it could lift a stop that an operator gave meanwhile, unseen
+        if not self._kept.adopted:  # it could lift a stop that an operator ordered in the meantime
             raise OrderRefused(
-                "resume: the base station has just started, and is still listening to what the robots have latched; "
+                "resume: the base station has just started and is still receiving the robots' stop states; "
                 "try again in 2 s"
             )
         await self._store.resume(order)

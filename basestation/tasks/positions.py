@@ -1,4 +1,4 @@
-"""The fleet's table: await sightings and estimates, send each robot's pose and all positions."""
+"""The fleet's table: awaits sightings and estimates, sends each robot's pose and all positions."""
 
 from __future__ import annotations
 
@@ -12,27 +12,29 @@ from muro_zenoh.messages import FleetSnapshot, PoseFix
 from muro_zenoh.transport import Bus
 
 _LONGEST_PERIOD = 0.2
-"""All positions are published after each frame, and at least this often [s]."""
+"""All positions are published after each frame, and at least with this period [s]."""
 
 
 class PositionsTask:
-    """Publishes where the robots are.
+    """Publishes the robots' positions.
 
     Args:
         bus: the bus.
         robots: the names of the robots.
 
     Attributes:
-        frames: frames that came in time, good or bad.
-        bad_frames: those of them that could not be used.
-        stale_frames: frames that came too late to be used.
-        complaints: what is wrong by the newest frame of each camera, by the camera's name.
+        frames: number of frames that arrived in time, good or bad.
+        bad_frames: number of them that could not be used.
+        stale_frames: number of frames that arrived too late.
+        received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
+        complaints: problems in the newest frame of each camera, by the camera's name.
     """
 
     def __init__(self, bus: Bus, robots: Iterable[str]) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
+        self.received_at: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
         self._clock = bus.clock
         self._table = FleetTable()
@@ -42,7 +44,7 @@ class PositionsTask:
         self._published = 0.0
 
     async def watch(self, source: SightingSource) -> None:
-        """Publish what one camera sees.
+        """Publish the sightings of one camera.
 
         Args:
             source: the camera.
@@ -51,7 +53,7 @@ class PositionsTask:
             self._take(sightings)
 
     async def repeat(self) -> None:
-        """Publish all positions also while no camera sees anything: their ages grow."""
+        """Publish all positions also while there are no frames, because their ages grow."""
         while True:
             silent = self._clock.now() - self._published
             if silent >= _LONGEST_PERIOD:
@@ -59,19 +61,28 @@ class PositionsTask:
                 silent = 0.0
             await asyncio.sleep(_LONGEST_PERIOD - silent)
 
+    def was_seen(self, name: str) -> bool:
+        """Whether a camera has seen a robot since it was last cleared.
+
+        Args:
+            name: of the robot.
+        """
+        return self._table.knows(name)
+
     def clear(self, name: str) -> bool:
-        """Forget where a robot was last seen.
+        """Forget a robot's last position.
 
         Args:
             name: of the robot.
 
         Returns:
-            Whether it was ever seen.
+            Whether it had been seen.
         """
         self._estimates.forget(name)
         return self._table.clear(name)
 
     def _take(self, sightings: Sightings) -> None:
+        self.received_at[sightings.camera] = self._clock.now()
         self.complaints[sightings.camera] = sightings.complaints
         if sightings.frame == "stale":
             self.stale_frames += 1

@@ -1,4 +1,4 @@
-"""Vision, one task per camera: await the newest frame, locate the robots in it off the loop, yield the sightings."""
+"""Vision, one task per camera: awaits the newest frame, locates the robots in a thread, yields the sightings."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class CameraOnBus:
 
     Args:
         bus: the bus.
-        localizer: finds the robots in its frames; nobody else may use it.
-        latency: least time from the capture of a frame to its arrival here [s].
-        executor: where frames are decoded and searched, one at a time.
+        localizer: locates the robots in its frames; not shared with other cameras.
+        latency: minimum time from the capture of a frame to its arrival here [s].
+        executor: decodes and searches the frames, one at a time.
     """
 
     def __init__(self, bus: Bus, localizer: Localizer, latency: float, executor: Executor) -> None:
@@ -42,7 +42,7 @@ class CameraOnBus:
         self._failing = False
 
     async def __aiter__(self) -> AsyncIterator[Sightings]:
-        """Frames that come in while one is being searched are dropped for the newest."""
+        """Of the frames that arrive while one is being searched, only the newest is used."""
         frames = self._bus.latest(channels.CAMERA, self._name)
         try:
             async for frame in frames:
@@ -53,7 +53,7 @@ class CameraOnBus:
     async def _look(self, frame: Received[Frame]) -> Sightings:
         captured = frame.captured(self._latency)
         age = frame.age(self._bus.clock.now())
-        if age > channels.CAMERA.stale_after:  # where robots were is not where they are
+        if age > channels.CAMERA.stale_after:  # the robots have moved since
             late = f"camera {self._name}: frames arrive {age:.1f} s late"
             return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
         loop = asyncio.get_running_loop()
@@ -71,7 +71,7 @@ class CameraOnBus:
     def _locate(self, frame: Frame) -> _Found:
         """In the executor."""
         if frame.data == self._last_picture:
-            # No sensor gives the same bytes twice. The stamp is new; the poses in it are not.
+            # No sensor gives the same bytes twice: the stamp is new, but the poses are not.
             raise MessageError("got the same picture as before, expected a new one: is the camera stuck?")
         self._last_picture = frame.data
         robots = self._localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
@@ -85,10 +85,10 @@ class _Found(NamedTuple):
 
 def _tag_complaints(localizer: Localizer) -> tuple[str, ...]:
     sees = f"camera {localizer.camera} sees tag"
-    unknown = [f"{sees} {tag}, and no robot has it" for tag in sorted(localizer.unknown_tags)]
+    unknown = [f"{sees} {tag}, which no robot has" for tag in sorted(localizer.unknown_tags)]
     duplicate = [f"{sees} {tag} twice" for tag in sorted(localizer.duplicate_tags)]
     misfit = [
-        f"{sees} {tag} {size:.3f} m large: is its tag_size right?"
+        f"{sees} {tag} with a side of {size:.3f} m: check its tag_size"
         for tag, size in sorted(localizer.misfit_tags.items())
     ]
     return (*unknown, *duplicate, *misfit)
@@ -98,12 +98,12 @@ def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[Sig
     """All cameras of a scenario, as sources of sightings.
 
     Args:
-        bus: where their frames come in.
+        bus: the bus.
         scenario: the settings.
-        executor: where frames are decoded and searched: with a thread per camera none waits for another.
+        executor: decodes and searches the frames; with one thread per camera none waits for another.
 
     Raises:
-        ConfigError: a camera's points fix no homography, or its family of tags is unknown.
+        ConfigError: a camera's points do not determine a homography, or its family of tags is unknown.
     """
     return [
         CameraOnBus(bus, _localizer(name, camera, scenario), camera.latency, executor)

@@ -186,7 +186,7 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
             got=f"{count} robots on a circle of {circle.radius:g} m, {chord:.3f} m apart",
             expected=f"at least {2 * body:g} m between their centres",
             hint=f"At most {most} robots fit on it; {count} robots need a radius of "
-            f"{body / math.sin(math.pi / count):.2f} m.",
+            f"{math.ceil(100.0 * body / math.sin(math.pi / count)) / 100.0:.2f} m.",
         )
 
 

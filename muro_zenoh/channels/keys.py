@@ -1,4 +1,4 @@
-"""Names, and the keys that they are in.
+"""Names and keys.
 
 A key is ``<realm>/<channel>`` or ``<realm>/<channel>/<name>``. The realm is ``muro`` unless the settings say otherwise,
 so that labs can share a network.
@@ -28,11 +28,11 @@ _REALM_PATTERN: Final = re.compile(r"[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})
 
 
 def check_name(name: str, where: str = "name") -> str:
-    """The name, if it is valid. Zenoh would take spaces and wildcards; we do not.
+    """Return the name if it is valid. Zenoh would accept spaces and wildcards; we do not.
 
     Args:
         name: of a robot, a camera or a process.
-        where: what it is the name of, for the error.
+        where: what has the name, for the error.
 
     Raises:
         ConfigError: it does not match ``[a-z][a-z0-9_]{0,31}``.
@@ -45,7 +45,7 @@ def check_name(name: str, where: str = "name") -> str:
 
 
 def check_realm(realm: str, where: str = "bus.realm") -> str:
-    """The realm, if it is valid: names joined by ``/``.
+    """Return the realm if it is valid: names joined by ``/``.
 
     Args:
         realm: the first words of every key.
@@ -64,7 +64,7 @@ def key_of(realm: str, channel: Channel[Any], name: str = "") -> str:
 
     Args:
         realm: the first words of the key.
-        channel: which.
+        channel: the channel.
         name: the robot's (camera's, process's) name, where the channel has names.
 
     Raises:
@@ -80,13 +80,12 @@ def name_in(realm: str, channel: Channel[Any], key: str) -> str:
 
 
 def verb_key(realm: str, verb: Verb[Any], name: str = "") -> str:
-    """The key that an order is given on: ``<realm>/<order>/<name>``, or ``<realm>/<role>/<order>`` where only one
-    process answers.
+    """The key of an order: ``<realm>/<order>/<name>``, or ``<realm>/<role>/<order>`` where only one process answers.
 
     Args:
         realm: the first words of the key.
-        verb: which order.
-        name: whom it is for, where the order has names.
+        verb: the order.
+        name: the recipient, where the order has names.
 
     Raises:
         ConfigError: a name where the order has none, no name where it needs one, or an invalid one.

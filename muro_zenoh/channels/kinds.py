@@ -1,4 +1,4 @@
-"""What a row of the table is: a channel or an order, with the roles at its ends."""
+"""The kinds of rows in the table: channels and orders, with the roles at their ends."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 Delivery = Literal["newest", "every", "kept"]
 """``newest``: a reader wants the last value. ``every``: each one, from a bounded queue that drops the oldest.
-``kept``: the last value, also for late joiners."""
+``kept``: the last value, and late joiners receive it too."""
 
 
 class Role(StrEnum):
@@ -28,7 +28,7 @@ class Role(StrEnum):
     SIMULATOR = "simulator"
     ROUTER = "router"
     OPERATOR = "operator"
-    """People's tools, and a lab's own programs."""
+    """Operators' tools, and a lab's own programs."""
 
 
 ALL_ROLES: Final = frozenset(Role)
@@ -37,11 +37,11 @@ ALL_ROLES: Final = frozenset(Role)
 
 @dataclass(frozen=True, slots=True)
 class Party:
-    """Who is at one end of a channel.
+    """One end of a channel.
 
     Attributes:
-        role: of the process.
-        task: that does it there; empty where the process has only one.
+        role: the role of the process.
+        task: the task in it; empty where the process has only one.
     """
 
     role: Role
@@ -52,7 +52,7 @@ class Party:
 
 
 class Priority(IntEnum):
-    """How urgent a message is; the numbers are Zenoh's."""
+    """Priority of a message; the numbers are Zenoh's."""
 
     REAL_TIME = 1
     HIGH = 2
@@ -70,13 +70,13 @@ class Channel(Generic[M_co]):
         writers: who publishes it; the bus refuses all others.
         readers: who subscribes to it; a lab's own programs may as well.
         delivery: what a reader gets.
-        rate: how often each key is written to [Hz]; None where only events are.
-        pacing: what it is written at, where the rate does not say all.
-        stale_after: age at which its value no longer counts [s]; infinite where age does not matter.
-        priority: how urgent it is.
+        rate: how often each key is written [Hz]; None for events.
+        pacing: when it is written, where that is more than a fixed rate.
+        stale_after: age above which its value must not be used [s]; infinite where age does not matter.
+        priority: its priority.
         named: what the third word of the key names; empty when the channel has one key only.
         ros: the topic it replaces.
-        note: what else to know.
+        note: further remarks.
     """
 
     word: str
@@ -94,7 +94,7 @@ class Channel(Generic[M_co]):
 
     @property
     def period(self) -> float:
-        """Time between two messages on one key [s]; infinite where only events are."""
+        """Time between two messages on one key [s]; infinite for events."""
         return 1.0 / self.rate if self.rate is not None else math.inf
 
 

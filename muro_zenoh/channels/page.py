@@ -1,4 +1,4 @@
-"""The tables of ``docs/channels.md``, made from the code."""
+"""The tables of ``docs/channels.md``, generated from the code."""
 
 from __future__ import annotations
 

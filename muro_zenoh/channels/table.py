@@ -1,6 +1,6 @@
-"""The table: one row per channel, one per order, and nothing else to be done for either.
+"""The table: one row per channel, one per order; nothing else is needed to add either.
 
-A test compares it with what a fleet really writes and reads.
+A test compares it with what a fleet actually writes and reads.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The command `muro`: a thin face over all the rest."""
+"""The command `muro`: arguments in, text out."""

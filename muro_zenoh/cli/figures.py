@@ -1,4 +1,4 @@
-"""``muro figures``: the reports' figures, drawn from our own laws."""
+"""``muro figures``: the reports' figures, drawn with our own laws."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _list(context: click.Context, _: click.Parameter, value: bool) -> None:
     metavar="DIR",
     required=True,
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the files; made when it is missing.",
+    help="Folder for the files; created if missing.",
 )
 @click.option("--only", metavar="NAME", multiple=True, help="Draw this figure only; repeatable.")
 @click.option(
@@ -41,9 +41,9 @@ def _list(context: click.Context, _: click.Parameter, value: bool) -> None:
     "--list", is_flag=True, is_eager=True, expose_value=False, callback=_list, help="List the figures and exit."
 )
 def figures(out: Path, only: tuple[str, ...], file_format: str) -> None:
-    """Draw the figures of docs/laws.md from the laws themselves.
+    """Draw the figures of docs/laws.md with the laws themselves.
 
-    The same figures come out each time. Needs the extra: pip install 'muro-zenoh[figures]'
+    The result is the same each time. Needs an extra: pip install 'muro-zenoh[figures]'
     """
     import time
 

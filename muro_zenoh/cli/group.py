@@ -1,4 +1,4 @@
-"""Click groups of ours: errors in one line, and commands that are imported only when they are used."""
+"""A click group that reports errors in one line and imports commands only when they are used."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from muro_zenoh.errors import ConfigError, MuroError
 
 
 class MuroGroup(click.Group):
-    """A group whose commands report this project's errors in one line: exit code 2 for wrong settings, else 1.
+    """A group whose commands report this project's errors in one line: exit code 2 for invalid settings, otherwise 1.
 
     Args:
-        lazy: where its commands are, as ``module:attribute`` by name. The process of a robot imports the module of its
-            own command, and no other.
-        arguments: click's own.
+        lazy: its commands as ``module:attribute`` by name. A robot's process imports only the module of its own
+            command.
+        arguments: arguments for click.
     """
 
     def __init__(self, *arguments: Any, lazy: Mapping[str, str] | None = None, **keywords: Any) -> None:

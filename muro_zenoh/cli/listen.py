@@ -1,4 +1,4 @@
-"""Samples of any key, and how often they come."""
+"""Samples of any key, and their rates."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ async def listen_to(
     *,
     keep: bool = False,
 ) -> None:
-    """Hand over samples until ``take`` returns true, the time is over, or another task fails.
+    """Pass samples to ``take`` until it returns true, the time is over, or another task fails.
 
     Args:
         bus: the bus.
-        expression: which keys.
+        expression: the key expression.
         take: called with each sample; returns true to stop.
-        seconds: for how long; None for ever.
+        seconds: how long to listen; None for no limit.
         other: a task that runs at the same time.
-        keep: begin with the values that were kept before.
+        keep: begin with the stored values of kept channels.
     """
     tap = bus.tap(expression, keep=keep)
 
@@ -52,12 +52,12 @@ async def listen_to(
 
 
 async def print_rates(bus: Bus, expression: str, seconds: float | None) -> int:
-    """Print once a second how often each key is written to; 1 when nothing was received, else 0.
+    """Print the rate of each key once a second; return 1 when nothing was received, otherwise 0.
 
     Args:
         bus: the bus.
-        expression: which keys.
-        seconds: for how long; None for ever.
+        expression: the key expression.
+        seconds: how long to listen; None for no limit.
     """
     arrivals: defaultdict[str, list[float]] = defaultdict(list)
 
@@ -77,7 +77,7 @@ async def print_rates(bus: Bus, expression: str, seconds: float | None) -> int:
 
 
 def _print_rates(arrivals: dict[str, list[float]]) -> None:
-    """Print the rate of each key, and forget all but its newest arrival."""
+    """Print the rate of each key, and keep only its newest arrival."""
     stamp = time.strftime("%H:%M:%S")
     for key in sorted(arrivals):
         times = arrivals[key]

@@ -1,4 +1,4 @@
-"""What an operator sees during a run: a live table, or a plain line every few seconds."""
+"""The display during a run: a live table, or a plain line every few seconds."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def line_of(view: View) -> str:
 
 
 class PlainScreen:
-    """Plain lines on standard output, for logs and for an output that is no terminal."""
+    """Plain lines on standard output, for logs and when the output is not a terminal."""
 
     def __init__(self) -> None:
         self._next = 0.0
 
     def notify(self, text: str) -> None:
-        """Print that something happened."""
+        """Print an event."""
         click.echo(text)
 
     def show(self, view: View) -> None:
@@ -61,7 +61,7 @@ class PlainScreen:
 
 
 class TableScreen:
-    """A table in the terminal that is redrawn in place, with what happened above it."""
+    """A table in the terminal that is redrawn in place, with events above it."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -69,11 +69,11 @@ class TableScreen:
 
         # No markup: a robot's reasons, and a unit such as [m], are text.
         self._console = Console(markup=False, highlight=False)
-        # No refresh thread: the table is drawn when there is something new.
+        # No refresh thread: the table is drawn when there is a new view.
         self._live = Live(console=self._console, auto_refresh=False, transient=False)
 
     def notify(self, text: str) -> None:
-        """Print that something happened, above the table."""
+        """Print an event above the table."""
         self._console.print(text)
 
     def show(self, view: View) -> None:

@@ -1,4 +1,4 @@
-"""Options that several commands share, and values as they are typed."""
+"""Options that several commands share, and parsing of typed values."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ _BARE = re.compile(r"[A-Za-z_][\w.:/-]*")
 
 
 def example(*lines: str) -> str:
-    """An epilog with examples, as they are typed.
+    """An epilog with examples.
 
     Args:
-        lines: commands.
+        lines: the commands.
     """
     return "\b\nExample" + ("s" if len(lines) > 1 else "") + ":\n" + "\n".join(f"  {line}" for line in lines)
 
 
 def bus_options(command: F) -> F:
-    """Zenoh's own flags, which mean what they mean in every Zenoh program, and ``--realm``.
+    """Zenoh's own flags, with the same meaning as in every Zenoh program, and ``--realm``.
 
-    The command gets a function as ``bus``: called with the file's :class:`~muro_zenoh.config.BusSettings`, or with
-    none, it returns them with the flags in their place.
+    The command receives a function ``bus``: called with the file's :class:`~muro_zenoh.config.BusSettings`, or without
+    any, it returns them overridden by the flags.
 
     Args:
         command: the function under the click decorators.
@@ -65,7 +65,7 @@ def bus_options(command: F) -> F:
 
         return command(*args, bus=settings, **kwargs)
 
-    return with_bus  # type: ignore[return-value]  # called by click with what the options say
+    return with_bus  # type: ignore[return-value]  # called by click with the options' values
 
 
 def override_bus(base: BusSettings | None, flags: dict[str, Any]) -> BusSettings:
@@ -73,10 +73,10 @@ def override_bus(base: BusSettings | None, flags: dict[str, Any]) -> BusSettings
 
     Args:
         base: the file's settings; None for the defaults.
-        flags: by key of the settings; one that is empty or None was not given.
+        flags: values by key of the settings; empty or None when a flag was not given.
 
     Raises:
-        ConfigError: a flag has a wrong value.
+        ConfigError: a flag has an invalid value.
     """
     import msgspec
 
@@ -99,11 +99,11 @@ def override_bus(base: BusSettings | None, flags: dict[str, Any]) -> BusSettings
 
 
 def toml_value(text: str, where: str) -> object:
-    """A value as TOML has it; a bare word is text, so that text needs no quotes within the shell's quotes.
+    """A TOML value; a bare word is text, so that no second pair of quotes is needed in a shell.
 
     Args:
-        text: what was typed.
-        where: for the error.
+        text: the typed text.
+        where: the option, for the error.
 
     Raises:
         ConfigError: it is neither.
@@ -114,7 +114,7 @@ def toml_value(text: str, where: str) -> object:
         if _BARE.fullmatch(text):
             return text
         raise ConfigError(
-            where, got=repr(text), expected='a TOML value such as 0.9, true, [1, 2] or "text"', hint="Mind the quotes."
+            where, got=repr(text), expected='a TOML value such as 0.9, true, [1, 2] or "text"', hint="Check the quotes."
         ) from None
 
 
@@ -122,7 +122,7 @@ def assignments(given: tuple[str, ...], where: str) -> dict[str, object]:
     """``KEY=VALUE`` arguments as a table by key.
 
     Args:
-        given: what was typed.
+        given: the typed arguments.
         where: the option's name, for errors.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Keys as they are typed, and payloads as text."""
+"""Typed keys, and payloads as text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def full_key(expression: str, realm: str) -> str:
     """The full key expression of a typed one: within the realm, unless it begins with the realm, ``**`` or ``/``.
 
     Args:
-        expression: what was typed.
+        expression: the typed key expression.
         realm: the first word of our keys.
 
     Raises:
@@ -37,10 +37,10 @@ def full_key(expression: str, realm: str) -> str:
 
 
 def type_of(encoding: str | None) -> str:
-    """The message type of a payload when its writer gives one, else its encoding.
+    """The message type in a payload's encoding, or the encoding itself when it has none.
 
     Args:
-        encoding: Zenoh's.
+        encoding: the Zenoh encoding.
     """
     base, _, schema = (encoding or "").partition(";")
     return schema or base or "-"
@@ -51,14 +51,14 @@ def shown(payload: bytes, encoding: str | None) -> str:
 
     Args:
         payload: the bytes.
-        encoding: Zenoh's, as the writer set it.
+        encoding: the Zenoh encoding, as set by the writer.
     """
     base = (encoding or "").partition(";")[0]
     if base.startswith("text/") or base == "application/json":
         return payload.decode(errors="replace")
     try:
         value = msgpack.unpackb(payload, raw=False, strict_map_key=False)
-        # Almost any byte is a MessagePack number: unless the writer calls it MessagePack, only a map is taken for it.
+        # Almost any byte is a valid MessagePack number: without that encoding only a map is decoded as MessagePack.
         if base == "application/msgpack" or isinstance(value, dict):
             return json.dumps(value, default=_beyond_json, ensure_ascii=False)
     except (ValueError, TypeError, msgpack.UnpackException):

@@ -17,7 +17,7 @@ BusFlags = Callable[..., "BusSettings"]
 
 
 def _scenario(file: str, bus: BusFlags) -> Scenario:
-    """The scenario or fleet of a name or file, its bus overridden by Zenoh's flags."""
+    """The scenario or fleet of a name or file, with its bus settings overridden by Zenoh's flags."""
     import msgspec
 
     from muro_zenoh.config import find_scenario
@@ -51,7 +51,7 @@ def agent(file: str, name: str, bus: BusFlags) -> None:
 @click.argument("name")
 @bus_options
 def base(file: str, name: str, bus: BusFlags) -> None:
-    """Run the wheels of robot NAME, with their dead-man, as a process of its own."""
+    """Run the base of robot NAME: its wheels and their dead-man."""
     scenario = _scenario(file, bus)
     from agents.base.run import run_base_process
 
@@ -66,7 +66,7 @@ def base(file: str, name: str, bus: BusFlags) -> None:
     default=Path("basestation.json"),
     show_default=True,
     metavar="FILE",
-    help="The file in which circle, behaviours and stop are kept.",
+    help="File for the kept state: circle, behaviours and stop.",
 )
 @bus_options
 def basestation(file: str, state: Path, bus: BusFlags) -> None:
@@ -80,11 +80,11 @@ def basestation(file: str, state: Path, bus: BusFlags) -> None:
 @click.command(epilog=example("muro sim pursuit --seed 3"))
 @click.argument("file")
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Of starts, drive errors and noise."
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of starts, drive errors and noise."
 )
 @bus_options
 def sim(file: str, seed: int, bus: BusFlags) -> None:
-    """Run the simulator of a fleet or scenario FILE: all its wheels, and its cameras."""
+    """Run the simulator of a fleet or scenario FILE: the wheels of all robots, and the cameras."""
     scenario = _scenario(file, bus)
     from agents.simulator import run_simulator
 
@@ -101,10 +101,10 @@ def sim(file: str, seed: int, bus: BusFlags) -> None:
 @click.argument("file", required=False)
 @bus_options
 def router(file: str | None, bus: BusFlags) -> None:
-    """Run a Zenoh router, to which all others connect.
+    """Run a Zenoh router, to which all other processes connect.
 
-    It listens where --listen says, else where the --config file says, else where the processes of the fleet or
-    scenario FILE connect, else on tcp/127.0.0.1:7447.
+    It listens on the endpoints of --listen, or else those of the --config file, or else those that the processes of
+    the fleet or scenario FILE connect to, or else tcp/127.0.0.1:7447.
     """
     import msgspec
 

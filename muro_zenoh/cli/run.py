@@ -1,4 +1,4 @@
-"""``muro run``: everything that a scenario names, as processes on this machine, and a score sheet at the end."""
+"""``muro run``: all processes of a scenario on this machine, and a score sheet at the end."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from muro_zenoh.errors import ConfigError
     )
 )
 @click.argument("scenario")
-@click.option("--robots", type=click.IntRange(min=1), metavar="N", help="How many robots.  [default: the scenario's]")
+@click.option("--robots", type=click.IntRange(min=1), metavar="N", help="Number of robots.  [default: the scenario's]")
 @click.option(
     "--duration",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="How long to run once everything is ready [s].  [default: the scenario's]",
+    help="Duration of the run once all processes are ready [s].  [default: the scenario's]",
 )
 @click.option(
     "--seed",
@@ -33,14 +33,14 @@ from muro_zenoh.errors import ConfigError
     default=1,
     show_default=True,
     metavar="N",
-    help="Of the simulator: starts, drive errors, noise.",
+    help="Seed of the simulator: starts, drive errors, noise.",
 )
-@click.option("--headless", is_flag=True, help="Plain lines, no table; the default when the output is no terminal.")
+@click.option("--headless", is_flag=True, help="Plain lines, no table; the default when the output is not a terminal.")
 @click.option(
     "--report",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Write the score sheet to this file, too.",
+    help="Also write the score sheet to this file.",
 )
 @click.option(
     "--set",
@@ -49,7 +49,7 @@ from muro_zenoh.errors import ConfigError
     metavar="KEY=VALUE",
     help="Override a setting of the scenario, such as circle.clockwise=true; repeatable.",
 )
-@click.option("--connect", metavar="ENDPOINT", help="Use the router there instead of starting one.")
+@click.option("--connect", metavar="ENDPOINT", help="Use the router at ENDPOINT instead of starting one.")
 def run(
     scenario: str,
     robots: int | None,
@@ -62,11 +62,11 @@ def run(
 ) -> None:
     """Run a fleet on this machine: a built-in SCENARIO such as pursuit, circle or hold, or a TOML file.
 
-    Starts a router, a simulator, a base station and an agent per robot, each a process; shows how they do, and ends
-    with a score sheet. It leaves runs/<time>-<scenario>/ with the settings, the score sheet and a log per process.
+    Starts a router, a simulator, a base station and an agent per robot, each as a process; shows their state, and ends
+    with a score sheet. The folder runs/<time>-<scenario>/ has the settings, the score sheet and a log per process.
 
     The exit code is 0 when the run met the scenario's checks, or the scenario makes none; 1 when it did not, when a
-    behaviour failed or ended early, or when a process could not be kept alive; 2 for wrong settings; 130 when it was
+    behaviour failed or ended early, or when a process could not be kept alive; 2 for invalid settings; 130 when it was
     interrupted.
     """
     from muro_zenoh.cli.live import PlainScreen, TableScreen

@@ -1,4 +1,4 @@
-"""A score sheet for people to read."""
+"""A score sheet as text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from muro_zenoh.scoring.spread import DelaySpread, ErrorSpread
 
 
 def summary(sheet: ScoreSheet) -> str:
-    """A score sheet as lines of text; what does not concern the scenario is left out.
+    """A score sheet as lines of text; rows that do not apply to the scenario are left out.
 
     Args:
         sheet: the score sheet.
@@ -27,7 +27,7 @@ def summary(sheet: ScoreSheet) -> str:
 
 def _verdict(sheet: ScoreSheet) -> str:
     if sheet.passed is None:
-        return "nothing was checked: the scenario sets no [checks]"
+        return "nothing was checked: the scenario has no [checks]"
     if sheet.passed:
         return "passed"
     missed = [name for name, check in sheet.checks.items() if not check.passed]
@@ -41,7 +41,7 @@ def _verdict(sheet: ScoreSheet) -> str:
 
 
 def _task_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
-    """How well the robots did what the scenario asks of them."""
+    """How well the robots did their task."""
     if sheet.radius_error_m.p50 is not None:
         yield "settled after", _number(sheet.settle_time_s, " s")
         yield "radius error", _spread(sheet.radius_error_m, " m")
@@ -51,33 +51,33 @@ def _task_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
         yield "density error", _number(sheet.density_error)
     if sheet.goals_asked:
         worst = f"{_number(sheet.goal_distance_m, ' m')} and {_number(sheet.goal_heading_rad, ' rad')}"
-        yield "goals", f"{sheet.goals_reached} of {sheet.goals_asked} reached, off by at most {worst}"
+        yield "goals", f"{sheet.goals_reached} of {sheet.goals_asked} reached, errors at most {worst}"
     if sheet.tracking_error_m.p50 is not None:
         yield "path error", _spread(sheet.tracking_error_m, " m")
     coverage = sheet.coverage
     if coverage.cost is not None:
         yield (
             "centroid distance",
-            f"{_number(coverage.distance_m, ' m')} at most, after {coverage.rounds} rounds; the cost could fall by "
-            f"{_number(coverage.gain)}, and rose by {_number(coverage.rise)} at most",
+            f"at most {_number(coverage.distance_m, ' m')}, after {coverage.rounds} rounds; cost: remaining gain "
+            f"{_number(coverage.gain)}, largest rise {_number(coverage.rise)}",
         )
 
 
 def _fleet_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
-    """How well the fleet ran, whatever its task."""
+    """How well the fleet ran, independent of its task."""
     rates = [rate for rate in sheet.fix_rate_hz.values() if rate is not None]
     errors = [robot.error for robot in sheet.calibration.values() if robot.error is not None]
     cpu = [use.cpu_percent for use in sheet.processes.values() if use.cpu_percent is not None]
     yield "min separation", f"{_number(sheet.min_separation_m, ' m')}, {_number(sheet.collisions)} collisions"
     yield "pose age", _spread(sheet.pose_age_ms, " ms")
     yield "pose to command", _spread(sheet.pose_to_command_ms, " ms")
-    yield "fix rate", f"{_number(min(rates, default=None), ' Hz')} at least"
-    yield "calibration error", f"{_number(max(errors, default=None))} at most"
+    yield "fix rate", f"at least {_number(min(rates, default=None), ' Hz')}"
+    yield "calibration error", f"at most {_number(max(errors, default=None))}"
     stopped = {name: time for name, time in sheet.stopped_s.items() if time > 0.0}
     if stopped:
         yield "stop order", ", ".join(f"{name} for {_number(time, ' s')}" for name, time in stopped.items())
     if sheet.never_seen:
-        yield "never seen", f"{' '.join(sheet.never_seen)}: no camera saw them"
+        yield "never seen", f"{' '.join(sheet.never_seen)} (by any camera)"
     yield "restarts", str(sheet.restarts)
     yield "processor", f"{_number(round(sum(cpu), 1) if cpu else None, ' %')} of one core, all processes"
 

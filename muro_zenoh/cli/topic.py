@@ -35,7 +35,7 @@ def _listen(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettin
             import os
             import sys
 
-            # What is still buffered has no reader, either.
+            # The buffered output has no reader either.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
 
@@ -51,7 +51,7 @@ _FOR = click.FloatRange(min=0, min_open=True)
 )
 @bus_options
 def list_topics(seconds: float, bus: BusFlags) -> None:
-    """List the keys that are written to, with rate, size and type."""
+    """List the keys with traffic, with rate, size and type."""
     from muro_zenoh.cli.listen import listen_to
     from muro_zenoh.cli.payloads import type_of
 
@@ -85,10 +85,10 @@ def list_topics(seconds: float, bus: BusFlags) -> None:
 @click.option("--for", "seconds", type=_FOR, metavar="S", help="Exit after this time.")
 @bus_options
 def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> None:
-    """Print what is written on KEY, from the values that were kept before (such as stop, circle or health) on.
+    """Print the messages on KEY, beginning with the stored value of a kept channel (such as stop or circle).
 
-    A KEY is within the realm (pose/r1 is muro/pose/r1) unless it begins with the realm or with a slash. * stands for
-    any word, ** for any words.
+    A KEY is within the realm (pose/r1 is muro/pose/r1) unless it begins with the realm or with a slash. * matches any
+    word, ** any words.
     """
     from muro_zenoh.cli.listen import listen_to
     from muro_zenoh.cli.payloads import full_key, shown
@@ -122,7 +122,7 @@ def echo(key: str, count: int | None, seconds: float | None, bus: BusFlags) -> N
 @click.option("--for", "seconds", type=_FOR, metavar="S", help="Exit after this time.")
 @bus_options
 def hz(key: str, seconds: float | None, bus: BusFlags) -> None:
-    """Print once a second how often KEY is written to, and the shortest and longest time between two messages."""
+    """Print the rate of KEY once a second, and the shortest and longest time between two messages."""
     from muro_zenoh.cli.listen import print_rates
     from muro_zenoh.cli.payloads import full_key
 

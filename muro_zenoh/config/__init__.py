@@ -1,15 +1,14 @@
 """Settings: TOML files become frozen values, or a :class:`~muro_zenoh.errors.ConfigError` that names the key.
 
-A fleet file says what a lab has (``[all]``, ``[robot.r1]``, ``[arena]``, ``[camera.north]``, ``[bus]``); a scenario
-says what it should do (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) and may name a fleet file with
-``fleet = "lab.toml"``, or have a fleet of its own. A robot's settings cascade: ``[robot.r1]``, else ``[all]``, else
-the default.
+A fleet file describes a lab (``[all]``, ``[robot.r1]``, ``[arena]``, ``[camera.north]``, ``[bus]``); a scenario
+describes a run (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) and may name a fleet file with ``fleet =
+"lab.toml"``, or contain the fleet itself. ``[robot.r1]`` overrides ``[all]``, which overrides the defaults.
 """
 
-from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, read_parameters
+from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, parameters_as, read_parameters
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.find import built_in_scenarios, find_scenario
-from muro_zenoh.config.scenario import as_table, load_scenario, parameters_as, parse_scenario
+from muro_zenoh.config.scenario import as_table, load_scenario, parse_scenario
 from muro_zenoh.config.schema import Section
 from muro_zenoh.config.sections import (
     BehaviourSettings,

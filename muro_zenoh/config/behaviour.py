@@ -1,9 +1,9 @@
-"""A behaviour's settings: read into its own parameters, and refused where they are given when no robot could obey."""
+"""A behaviour's settings: read into its parameters, and refused early when no robot could run it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Vehicle
@@ -15,6 +15,22 @@ from muro_zenoh.geometry import Circle
 
 _PATH = "behaviour"
 
+T = TypeVar("T")
+
+
+def parameters_as(kind: type[T], parameters: Mapping[str, Any], where: str | Origin) -> T:
+    """A behaviour's parameters as a checked value.
+
+    Args:
+        kind: their type, a frozen dataclass or a :class:`~muro_zenoh.config.Section`.
+        parameters: values by key.
+        where: the file or order that they come from, for errors.
+
+    Raises:
+        ConfigError: a wrong key, type or range, or values that do not fit together.
+    """
+    return read_section(kind, parameters, _origin(where), _PATH)
+
 
 def read_parameters(kind: BehaviourKind, parameters: Mapping[str, Any], where: str | Origin) -> Any:
     """A behaviour's parameters, checked.
@@ -25,9 +41,9 @@ def read_parameters(kind: BehaviourKind, parameters: Mapping[str, Any], where: s
         where: the file or order that they come from, for errors.
 
     Raises:
-        ConfigError: a wrong key, type or range, or values that do not fit together.
+        ConfigError: a wrong key, type or range, or inconsistent values.
     """
-    return read_section(kind.parameters, parameters, _origin(where), _PATH)
+    return parameters_as(kind.parameters, parameters, where)
 
 
 def make_behaviour(
@@ -36,14 +52,14 @@ def make_behaviour(
     """The behaviour of one robot.
 
     Args:
-        kind: which behaviour.
+        kind: the behaviour's row of the table.
         parameters: values by key.
         vehicle: the robot.
         where: the file or order that they come from, for errors.
 
     Raises:
-        ConfigError: parameters that are wrong, or that do not fit the robot.
-        BehaviourError: a function that the parameters name cannot be loaded.
+        ConfigError: invalid parameters, or parameters that do not fit the robot.
+        BehaviourError: a function named in the parameters cannot be loaded.
     """
     checked = read_parameters(kind, parameters, where)
     try:
@@ -55,10 +71,10 @@ def make_behaviour(
 def check_settings(
     name: str, parameters: Mapping[str, Any], where: str | Origin, fleet: Sequence[Vehicle], circle: Circle
 ) -> None:
-    """Refuse wrong parameters, and what a fleet cannot do on a circle; nothing of a user's own is loaded.
+    """Refuse invalid parameters, and a behaviour that the fleet cannot run on the circle. No user code is loaded.
 
     Args:
-        name: of the behaviour; a user's own is not looked at.
+        name: of the behaviour; a user's own is not checked.
         parameters: values by key.
         where: the file or order that they come from, for errors.
         fleet: the robots that are to do it.
@@ -79,11 +95,11 @@ def check_settings(
 
 
 def check_behaviour(name: str, parameters: Mapping[str, Any], where: str | Origin, fleet: Sequence[Vehicle]) -> None:
-    """Refuse, before anything starts, what no robot could do: everything is loaded as on the robots.
+    """Refuse, before anything starts, a behaviour that no robot could run. User code is loaded as on the robots.
 
     Args:
         name: of the behaviour.
-        parameters: values by key; those of a user's own behaviour are its own affair.
+        parameters: values by key; those of a user's own behaviour are not checked.
         where: the file or order that names it, for errors.
         fleet: the robots that are to do it.
 

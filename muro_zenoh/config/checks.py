@@ -1,8 +1,8 @@
-"""The checks that a scenario can make of its run: a line each, which is all that there is to do for one.
+"""The checks that a scenario can make of its run, one line each; nothing else is needed to add one.
 
-Its limit is a key of ``[checks]``, with its unit. Beside it stands the key of ``report.json`` that is compared with it,
-as ``docs/scoresheet.md`` lists it; where that has ``<robot>``, the worst robot counts. Whether a run meets them,
-:mod:`muro_zenoh.scoring.checks` says.
+A line has the limit, a key of ``[checks]`` with its unit, and the key of ``report.json`` to compare with it, as listed
+in ``docs/scoresheet.md``; for a key with ``<robot>`` the worst robot counts. :mod:`muro_zenoh.scoring.checks` evaluates
+them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from muro_zenoh.quantities import AngleSize, Count, Length, Period, Positive, Ra
 
 
 class Bound(StrEnum):
-    """Which side of its limit a value must be on; the limit itself is allowed."""
+    """On which side of its limit a value must be; the limit itself is allowed."""
 
     AT_MOST = "at most"
     AT_LEAST = "at least"
@@ -24,11 +24,11 @@ class Bound(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What a limit is of.
+    """The value that a limit applies to.
 
     Args:
-        key: of ``report.json``.
-        bound: which side of the limit its value must be on.
+        key: its key in ``report.json``.
+        bound: on which side of the limit it must be.
     """
 
     key: str
@@ -36,19 +36,19 @@ class Check:
 
 
 def at_most(key: str) -> Check:
-    """A limit that a value of the report may reach.
+    """An upper limit of a value of the report.
 
     Args:
-        key: of ``report.json``.
+        key: its key in ``report.json``.
     """
     return Check(key, Bound.AT_MOST)
 
 
 def at_least(key: str) -> Check:
-    """A limit that a value of the report must reach.
+    """A lower limit of a value of the report.
 
     Args:
-        key: of ``report.json``.
+        key: its key in ``report.json``.
     """
     return Check(key, Bound.AT_LEAST)
 
@@ -57,7 +57,7 @@ class Checks(Section, frozen=True, kw_only=True):
     """What a run must meet for exit code 0; a check that is not set is not made.
 
     Attributes:
-        window: the errors are judged over this much time at the end [s].
+        window: errors are evaluated over this time at the end of the run [s].
     """
 
     window: Period = 15.0

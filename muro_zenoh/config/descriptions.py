@@ -1,4 +1,4 @@
-"""The words of a settings error: what was got, and what a type expects."""
+"""Texts for settings errors: the value found, and what a type expects."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _PLAIN: Final[dict[Any, str]] = {float: "a number", int: "a whole number", str: 
 
 
 def show(value: object) -> str:
-    """A value as the file has it, with its kind."""
+    """A value as in the file, with its kind."""
     kind = {bool: "boolean", int: "integer", float: "number", str: "text", list: "array", dict: "table"}
     return f"{value!r} ({kind.get(type(value), type(value).__name__)})"
 
 
 def expected(kind: Any) -> str:
-    """What a type takes, in words.
+    """The values of a type, in words.
 
     Args:
         kind: the type, with its limits.

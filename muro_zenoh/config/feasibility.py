@@ -1,4 +1,4 @@
-"""What is impossible in a lab, refused before anything starts."""
+"""Refuses impossible scenarios before anything starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
 
     Args:
         s: the scenario.
-        origin: where its keys came from, for errors.
+        origin: the origin of its keys, for errors.
 
     Raises:
         ConfigError: an empty arena, two robots with one tag, a circle outside the arena, too many robots for it ...
@@ -41,13 +41,13 @@ def _check_tags(s: Scenario, origin: Origin) -> None:
     for name, robot in s.robot.items():
         if robot.tag is None:
             if s.camera:
-                raise ConfigError(origin.at(f"robot.{name}.tag"), got="no tag", expected="the id of the tag it carries")
+                raise ConfigError(origin.at(f"robot.{name}.tag"), got="no tag", expected="the id of its tag")
             continue
         if robot.tag in owner:
             raise ConfigError(
                 origin.at(f"robot.{name}.tag"),
-                got=f"{robot.tag}, which robot {owner[robot.tag]} carries too",
-                expected="a tag of its own",
+                got=f"{robot.tag}, which robot {owner[robot.tag]} has too",
+                expected="a unique tag",
             )
         owner[robot.tag] = name
 
@@ -56,7 +56,7 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
     a = s.arena
     for name, goals in s.goals.items():
         if name not in s.robot:
-            continue  # a run with fewer robots than the file has goals for
+            continue  # a run may have fewer robots than the file has goals for
         body = s.robot[name].radius
         for index, (x, y, *_) in enumerate(goals):
             if not a.shrunk(body).holds(x, y):

@@ -13,7 +13,7 @@ from muro_zenoh.config.reading import read_table, read_value
 from muro_zenoh.errors import ConfigError
 
 _MERGED: Final = ("all", "arena", "bus", "simulation")
-"""Sections in which a scenario changes single keys of its fleet file; the others it replaces as a whole."""
+"""Sections in which a scenario overrides single keys of its fleet file; all others it replaces as a whole."""
 
 
 def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
@@ -23,7 +23,8 @@ def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
         path: the TOML file, or a JSON one by its ending.
 
     Raises:
-        ConfigError: no such file, not readable, not what its ending says, or no table; the same for its fleet file.
+        ConfigError: the file, or its fleet file, does not exist, is not readable, has another format than its ending,
+            or is not a table.
     """
     table = _parse(path)
     origin = Origin(path.name)
@@ -33,7 +34,7 @@ def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
     fleet = _parse(fleet_path)
     fleet_origin = Origin(fleet_path.name)
     if "fleet" in fleet:
-        raise ConfigError(fleet_origin.at("fleet"), got=show(fleet["fleet"]), expected="no fleet in a fleet file")
+        raise ConfigError(fleet_origin.at("fleet"), got=show(fleet["fleet"]), expected="no key fleet in a fleet file")
     merged = {**fleet, **table}
     for key in fleet:
         if key not in table:
@@ -47,7 +48,7 @@ def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
 
 
 def override(table: dict[str, Any], origin: Origin, key: str, value: object) -> None:
-    """Put a value of the command line in the place of the file's.
+    """Override a value of the file by one from the command line.
 
     Args:
         table: the file; changed in place.
@@ -56,7 +57,7 @@ def override(table: dict[str, Any], origin: Origin, key: str, value: object) -> 
         value: the value.
 
     Raises:
-        ConfigError: the key leads through something that is no table.
+        ConfigError: a part of the key is not a table.
     """
     *steps, last = key.split(".")
     for i, step in enumerate(steps):

@@ -21,12 +21,12 @@ def built_in_scenarios() -> dict[str, Path]:
 
 
 def find_scenario(given: str, robots: int | None = None, overrides: Mapping[str, object] | None = None) -> Scenario:
-    """The scenario that an operator means: a built-in name, or a file.
+    """A scenario by a built-in name or a file.
 
     Args:
-        given: what was typed.
-        robots: how many robots to use; None for the scenario's own number.
-        overrides: values by full key, in place of the scenario's.
+        given: the name or file.
+        robots: number of robots; None for the scenario's own number.
+        overrides: values by full key, which override the scenario's.
 
     Raises:
         ConfigError: neither a built-in name nor a file, or a file with a wrong setting.
@@ -39,7 +39,7 @@ def find_scenario(given: str, robots: int | None = None, overrides: Mapping[str,
         close = difflib.get_close_matches(given, built_in, n=2, cutoff=0.5)
         raise ConfigError(
             "SCENARIO",
-            got=f"{given!r}, which is no file",
+            got=f"{given!r}, which is not a file",
             expected=f"a TOML file, or one of {', '.join(built_in)}",
             hint=f"Did you mean {' or '.join(close)}?" if close else "",
         )

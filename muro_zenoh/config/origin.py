@@ -1,13 +1,13 @@
-"""Which file a key came from, for errors."""
+"""The file of each key, for errors."""
 
 from __future__ import annotations
 
 
 class Origin:
-    """Where the keys of a table came from: most from one file, some from a fleet file or the command line.
+    """The origin of the keys of a table: most are from one file, some from a fleet file or the command line.
 
     Args:
-        file: what most came from.
+        file: the main file.
     """
 
     def __init__(self, file: str) -> None:
@@ -15,10 +15,10 @@ class Origin:
         self._others: dict[str, str] = {}
 
     def at(self, key: str) -> str:
-        """File and full key, as an error names them.
+        """File and full key, for an error.
 
         Args:
-            key: the full key, such as ``robot.r1.radius``, perhaps with an index as in ``goals.r1[2]``.
+            key: the full key, such as ``robot.r1.radius``, optionally with an index as in ``goals.r1[2]``.
         """
         start = key.partition("[")[0]
         while start:
@@ -28,11 +28,11 @@ class Origin:
         return f"{self.file}: {key}"
 
     def note(self, key: str, before: str) -> None:
-        """Remember that a key, and all under it, came from elsewhere.
+        """Record another origin for a key and all keys under it.
 
         Args:
             key: the full key, or the start of it.
-            before: what an error shows before the key, such as ``lab.toml:`` and a space.
+            before: the text before the key in an error, such as ``lab.toml:`` and a space.
         """
-        self._others = {known: said for known, said in self._others.items() if not known.startswith(f"{key}.")}
+        self._others = {known: text for known, text in self._others.items() if not known.startswith(f"{key}.")}
         self._others[key] = before

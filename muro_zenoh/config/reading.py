@@ -1,4 +1,4 @@
-"""A table of a settings file becomes a checked value, or an error that names the file and the key.
+"""Reads a table of a settings file as a checked value; errors name the file and the key.
 
 How a section is declared: :mod:`muro_zenoh.config.schema`.
 """
@@ -26,14 +26,14 @@ def read_section(kind: type[T], table: object, origin: Origin, path: str, defaul
 
     Args:
         kind: the section's type: a frozen dataclass or a Struct.
-        table: the keys that are given.
-        origin: where they came from, for errors.
+        table: the given keys.
+        origin: their origin, for errors.
         path: the full key of the table, such as ``robot.r1``.
-        default: fills in what is not given, in place of the type's own defaults.
+        default: values for the keys that are not given, instead of the type's own defaults.
 
     Raises:
-        ConfigError: no table, an unknown key, a wrong type or range, or values that do not fit together.
-        TypeError: the section is no schema: two fields want the same key, or a choice has no names.
+        ConfigError: not a table, an unknown key, a wrong type or range, or inconsistent values.
+        TypeError: the section is not a valid schema: two fields with the same key, or a choice without names.
     """
     section: Any = kind
     check_schema(section)
@@ -46,12 +46,12 @@ def read_table(value: object, origin: Origin, path: str) -> Mapping[str, Any]:
     """A value that must be a table.
 
     Args:
-        value: what the file has.
-        origin: where it came from, for errors.
+        value: the value in the file.
+        origin: its origin, for errors.
         path: its full key.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not a table.
     """
     if not isinstance(value, Mapping):
         raise ConfigError(origin.at(path), got=show(value), expected=f"a table [{path}]")
@@ -63,8 +63,8 @@ def read_value(hint: Any, value: object, origin: Origin, path: str) -> Any:
 
     Args:
         hint: its type.
-        value: what the file has.
-        origin: where it came from, for errors.
+        value: the value in the file.
+        origin: its origin, for errors.
         path: its full key.
 
     Raises:
@@ -85,11 +85,11 @@ def read_value(hint: Any, value: object, origin: Origin, path: str) -> Any:
 
 
 def config_error(error: ParameterError, origin: Origin, path: str) -> ConfigError:
-    """What a law or a behaviour refuses, as an error in the settings that it came from.
+    """An error of a law or a behaviour as an error in its settings.
 
     Args:
-        error: what was refused.
-        origin: where the settings came from.
+        error: the error.
+        origin: the origin of the settings.
         path: the full key of their table.
     """
     return ConfigError(origin.at(_join(path, error.what)), got=error.got, expected=error.expected, hint=error.hint)
@@ -99,20 +99,20 @@ def check_keys(table: Mapping[str, Any], known: tuple[str, ...], origin: Origin,
     """Refuse unknown keys.
 
     Args:
-        table: what is given.
-        known: the keys that something reads.
-        origin: where they came from, for errors.
+        table: the given keys.
+        known: the known keys.
+        origin: the origin of the keys, for errors.
         path: the full key of the table.
 
     Raises:
-        ConfigError: an unknown key, with the ones that there are and the one that may have been meant.
+        ConfigError: an unknown key; the message lists the known ones and suggests a similar one.
     """
     for key in table:
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
             raise ConfigError(
                 origin.at(_join(path, key)),
-                got="a key that nothing reads",
+                got="an unknown key",
                 expected=f"one of {', '.join(known)}" if known else "no keys here",
                 hint=f"Did you mean {close[0]}?" if close else "",
             )
@@ -122,8 +122,8 @@ class _Reader:
     """One table being read.
 
     Args:
-        table: the keys that are given.
-        origin: where they came from, for errors.
+        table: the given keys.
+        origin: their origin, for errors.
         path: the full key of the table.
     """
 
@@ -133,11 +133,11 @@ class _Reader:
         self._path = path
 
     def keys(self, kind: type, default: Any) -> tuple[str, ...]:
-        """The keys that may be given, with the choices as the table makes them.
+        """The keys that may be given, with the table's choices.
 
         Args:
             kind: the section's type.
-            default: a value of it that fills in what is not given.
+            default: a value of it, for the keys that are not given.
         """
         keys: list[str] = []
         for field in fields_of(kind):
@@ -150,11 +150,11 @@ class _Reader:
         return tuple(keys)
 
     def check(self, active: tuple[str, ...], known: Mapping[str, tuple[str, str] | None]) -> None:
-        """Refuse keys that nothing reads.
+        """Refuse unknown keys.
 
         Args:
-            active: the keys that may be given, with the choices as they are.
-            known: those that other choices would have, too.
+            active: the keys that may be given, with the current choices.
+            known: all keys, including those of other choices.
         """
         for key in self._table:
             condition = known.get(key)
@@ -162,7 +162,7 @@ class _Reader:
                 choice, name = condition
                 raise ConfigError(
                     self._origin.at(_join(self._path, key)),
-                    got=f'a key of {choice} = "{name}", which is not chosen',
+                    got=f'a key of {choice} = "{name}", which is not selected',
                     expected=f"one of {', '.join(active)}",
                     hint=f'Set {choice} = "{name}", or remove {key}.',
                 )
@@ -173,7 +173,7 @@ class _Reader:
 
         Args:
             kind: its type.
-            default: a value of it that fills in what is not given; None for the type's own defaults.
+            default: a value of it, for the keys that are not given; None for the type's own defaults.
         """
         values: dict[str, Any] = {}
         for field in fields_of(kind):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final
 
 import msgspec
 
@@ -41,8 +41,6 @@ _SECTIONS: Final[dict[str, Any]] = {
 
 _TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
 
-T = TypeVar("T")
-
 
 def load_scenario(
     path: Path | str, *, robots: int | None = None, overrides: Mapping[str, object] | None = None, name: str = ""
@@ -50,10 +48,10 @@ def load_scenario(
     """Read a scenario, or a fleet file, and check it.
 
     Args:
-        path: the TOML file, or the JSON file that was made of :func:`as_table` for the processes of a run.
-        robots: how many robots to use: the first ones of the file, or as many made from ``[all]``.
-        overrides: values by full key, such as ``{"circle.radius": 1.0}``, which take the place of the file's.
-        name: what to call it; by default the file's name without its ending.
+        path: the TOML file, or the JSON file written from :func:`as_table` for the processes of a run.
+        robots: number of robots: the first ones of the file, or as many made from ``[all]``.
+        overrides: values by full key, such as ``{"circle.radius": 1.0}``, which override the file's.
+        name: the scenario's name; by default the file's name without its ending.
 
     Raises:
         ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
@@ -70,9 +68,9 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
 
     Args:
         table: the parsed file.
-        file: its name, or which key came from which file, for errors.
-        name: what to call the scenario.
-        robots: how many robots to use.
+        file: its name, or the origin of each key, for errors.
+        name: the scenario's name.
+        robots: number of robots.
 
     Raises:
         ConfigError: as for :func:`load_scenario`.
@@ -104,26 +102,12 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
 
 
 def as_table(scenario: Scenario) -> dict[str, Any]:
-    """The scenario as a table that :func:`parse_scenario` takes; how it is handed to the processes of a run."""
+    """The scenario as a table for :func:`parse_scenario`, to pass it to the processes of a run."""
     table: dict[str, Any] = msgspec.to_builtins(scenario)
     table.pop("name")
     behaviour = table.pop("behaviour")
     table["behaviour"] = {"name": behaviour["name"], **behaviour["parameters"]}
     return _without_none(table)  # type: ignore[no-any-return]  # a dict in, a dict out
-
-
-def parameters_as(kind: type[T], parameters: Mapping[str, object], where: str) -> T:
-    """A behaviour's parameters as a checked value.
-
-    Args:
-        kind: their type, a frozen dataclass.
-        parameters: what the scenario or the operator gave.
-        where: the file or order they came from, for errors.
-
-    Raises:
-        ConfigError: a wrong key, type or range.
-    """
-    return read_section(kind, parameters, Origin(where), "behaviour")
 
 
 def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, Any]:
@@ -138,11 +122,13 @@ def _name(name: str, origin: Origin, path: str) -> str:
 def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, RobotSettings]:
     common = dict(_table(table, "all", origin))
     if "tag" in common:
-        raise ConfigError(origin.at("all.tag"), got=show(common["tag"]), expected="no tag here: each robot has its own")
-    read_section(RobotSettings, common, origin, "all")  # so that an error there is named there
+        raise ConfigError(
+            origin.at("all.tag"), got=show(common["tag"]), expected="no tag in [all], because each robot has its own"
+        )
+    read_section(RobotSettings, common, origin, "all")  # so that an error in [all] is reported there
     given = _table(table, "robot", origin)
     if given and "robots" in table:
-        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="one or the other")
+        raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="only one of the two")
     if wanted is None and "robots" in table:
         wanted = read_value(Annotated[int, Quantity(at_least=1, whole=True)], table["robots"], origin, "robots")
     if given:

@@ -1,7 +1,7 @@
 """How a section of a settings file is declared.
 
-A section is a frozen dataclass (or a :class:`msgspec.Struct`); each field is a key. Dataclasses in it need no table of
-their own: their keys are lifted, to be given beside the outer ones::
+A section is a frozen dataclass (or a :class:`msgspec.Struct`); each field is a key. Nested dataclasses need no table of
+their own: their keys are lifted to the level of the outer ones::
 
     @dataclass(frozen=True, slots=True)
     class Parameters:
@@ -9,7 +9,7 @@ their own: their keys are lifted, to be given beside the outer ones::
         law: VectorFieldGains | LqrGains = LqrGains()       # law = "lqr", radial_size = 0.05
         turning_radius: Length = 0.3
 
-A union of dataclasses is a choice: the key with the field's name picks one by its class attribute ``NAME``, and only
+A union of dataclasses is a choice: the key with the field's name selects one by its class attribute ``NAME``, and only
 the keys of that one may be given.
 """
 
@@ -44,11 +44,11 @@ class Field(NamedTuple):
     """A field of a section.
 
     Attributes:
-        name: of it.
+        name: its name.
         hint: its type.
         lifted: the dataclasses whose keys are lifted, by ``NAME``; a single one, which needs no name, is under "".
         optional: whether it may be None.
-        default: what it is when nothing is given; ``REQUIRED`` when it must be given.
+        default: its default value; ``REQUIRED`` when it must be given.
     """
 
     name: str
@@ -79,7 +79,7 @@ def fields_of(kind: type) -> tuple[Field, ...]:
 
 @cache
 def all_keys(kind: type) -> Mapping[str, tuple[str, str] | None]:
-    """Every key that a section may have, those lifted included.
+    """Every key that a section may have, including lifted ones.
 
     Args:
         kind: the section's type.
@@ -99,13 +99,13 @@ def all_keys(kind: type) -> Mapping[str, tuple[str, str] | None]:
 
 @cache
 def check_schema(kind: type) -> None:
-    """Refuse a section in which one key would mean two things.
+    """Refuse a section with an ambiguous key.
 
     Args:
         kind: the section's type.
 
     Raises:
-        TypeError: two fields want the same key.
+        TypeError: two fields have the same key.
     """
     owners: dict[str, str] = {}
     for field in fields_of(kind):

@@ -48,14 +48,14 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         tag_y: the same, to the left [m].
         tag_yaw: heading of the tag's +x (from its left edge to its right edge as printed) in the base frame [rad].
         radius: of the body [m].
-        wheel_base: distance of the wheels [m].
-        v_max: fastest it may drive [m/s].
-        omega_max: fastest it may turn [rad/s].
-        a_max: strongest acceleration [m/s^2].
-        alpha_max: strongest angular acceleration [rad/s^2].
-        brake: strongest braking [m/s^2].
-        lag: time constant of the wheels' speed control [s]; laws are evaluated that far ahead.
-        base: what turns its wheels: the name of a file in ``agents/base``.
+        wheel_base: distance between the wheels [m].
+        v_max: maximum speed [m/s].
+        omega_max: maximum turning rate [rad/s].
+        a_max: maximum acceleration [m/s^2].
+        alpha_max: maximum angular acceleration [rad/s^2].
+        brake: maximum deceleration [m/s^2].
+        lag: time constant of the wheels' speed control [s]; laws are evaluated for this time ahead.
+        base: driver of its wheels: the name of a file in ``agents/base``.
     """
 
     tag: Count | None = None
@@ -75,29 +75,29 @@ class RobotSettings(Section, frozen=True, kw_only=True):
 
     @property
     def wheels(self) -> WheelLimits:
-        """What its wheels can do, as filter, laws and plant take it."""
+        """The lag and limits of its wheels, for filter, laws and plant."""
         return WheelLimits(lag=self.lag, a_max=self.a_max, alpha_max=self.alpha_max, brake=self.brake)
 
     @property
     def mount(self) -> TagMount:
-        """Its tag, as renderer and localization take it.
+        """Its tag, for renderer and localization.
 
         Raises:
-            ValueError: it carries none.
+            ValueError: it has none.
         """
         if self.tag is None:
-            raise ValueError("this robot carries no tag")
+            raise ValueError("this robot has no tag")
         return TagMount(self.tag, self.tag_size, self.tag_x, self.tag_y, self.tag_yaw)
 
 
 ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
-"""The arena of a file that has none."""
+"""The default arena."""
 
 CIRCLE = Circle(0.0, 0.0, 0.8)
-"""The circle at the start of a scenario that has none."""
+"""The default circle."""
 
 _VIEW_MARGIN = 0.25
-"""What a camera without points of its own sees beyond the arena [m]."""
+"""Margin beyond the arena that a camera without configured points sees [m]."""
 
 
 class CameraSettings(Section, frozen=True, kw_only=True):
@@ -107,13 +107,13 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         width: of its frames [px].
         height: of its frames [px].
         rate: frames per second [Hz].
-        latency: least time from the capture of a frame to its arrival at the base station [s]; what a frame takes
-            longer than the quickest one, the base station measures.
-        family: of the tags it looks for, as OpenCV names it.
-        pixels: four or more points of the image [px], ...
-        metres: ... and where they are on the plane of the tags [m, world].
-        sigma_pixels: noise of a tag's corners [px]; the covariance of the fixes follows from it.
-        jpeg_quality: of the simulated camera's frames; 0 sends them raw and grey.
+        latency: minimum time from the capture of a frame to its arrival at the base station [s]; the base station
+            measures the additional delay of each frame.
+        family: family of the tags to detect, as OpenCV names it.
+        pixels: four or more points of the image [px].
+        metres: the positions of these points on the plane of the tags [m, world].
+        sigma_pixels: standard deviation of a tag's corners [px]; it determines the covariance of the fixes.
+        jpeg_quality: of the simulated camera's frames; 0 for raw grey frames.
     """
 
     width: Annotated[int, _PIXELS] = 1280
@@ -127,7 +127,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     jpeg_quality: Annotated[int, Quantity(at_least=0, at_most=100, whole=True)] = 85
 
     def views(self, arena: Bounds) -> tuple[View, ...]:
-        """Which pixels show which places; without ``pixels`` a camera that looks straight down at the whole arena.
+        """Pairs of pixels and positions; without ``pixels`` those of a camera that looks straight down at the arena.
 
         Args:
             arena: the floor.
@@ -139,7 +139,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
 
 
 class BusSettings(Section, frozen=True, kw_only=True):
-    """How to reach the others.
+    """How to connect to the other processes.
 
     Attributes:
         realm: the first word of every key, so that labs can share a network.
@@ -147,7 +147,7 @@ class BusSettings(Section, frozen=True, kw_only=True):
         connect: endpoints to connect to.
         listen: endpoints to listen on.
         config: a Zenoh configuration file (JSON5), which these settings override.
-        lease: a link that is silent for this long is closed [s].
+        lease: a link without traffic for this time is closed [s].
     """
 
     realm: Realm = "muro"
@@ -159,7 +159,7 @@ class BusSettings(Section, frozen=True, kw_only=True):
 
 
 class BehaviourSettings(Section, frozen=True, kw_only=True):
-    """What every robot does at first. All keys but ``name`` are the behaviour's parameters.
+    """The initial behaviour of every robot. All keys except ``name`` are the behaviour's parameters.
 
     Attributes:
         name: a built-in behaviour, or ``module:function``.
@@ -171,14 +171,14 @@ class BehaviourSettings(Section, frozen=True, kw_only=True):
 
 
 class Simulation(Section, frozen=True, kw_only=True):
-    """What the simulator hides from the robots.
+    """Properties of the simulation that are hidden from the robots.
 
     Attributes:
-        drive_error: each robot's wheels do up to this fraction more or less than they report.
-        slip: standard deviation of the distance really driven [m/sqrt(m)] and of the angle turned.
-        image_noise: of the camera's grey values, standard deviation [0..255]. Not 0: identical pictures are those
-            of a camera that is stuck.
-        image_blur: of the camera, standard deviation [px].
+        drive_error: each robot drives and turns up to this fraction more or less than its wheels report.
+        slip: standard deviation of the distance actually driven [m/sqrt(m)] and of the angle turned.
+        image_noise: standard deviation of the camera's grey values [0..255]. Not 0: identical pictures are taken for
+            those of a stuck camera.
+        image_blur: standard deviation of the camera's blur [px].
         camera_latency: from capture to sending [s].
     """
 
@@ -193,18 +193,18 @@ class Scenario(Section, frozen=True, kw_only=True):
     """Everything a run needs, resolved.
 
     Attributes:
-        name: what it is called in reports.
+        name: its name in reports.
         description: one line for the operator.
-        duration: how long it runs [s].
+        duration: duration of the run [s].
         robot: the robots by name.
         arena: the floor.
         camera: the cameras by name.
-        circle: the circle at the start.
-        bus: how to reach the others.
-        behaviour: what every robot does at the start.
-        goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] of each robot, for the behaviours that go to goals.
-        checks: what the run must meet.
-        simulation: what the simulator hides.
+        circle: the initial circle.
+        bus: how to connect to the other processes.
+        behaviour: the initial behaviour of every robot.
+        goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
+        checks: the limits that the run must meet.
+        simulation: the hidden properties of the simulation.
     """
 
     name: str
@@ -221,19 +221,21 @@ class Scenario(Section, frozen=True, kw_only=True):
     simulation: Simulation = Simulation()
 
     def behaviour_of(self, name: str) -> BehaviourSettings:
-        """What a robot does at first: the common behaviour, with its own goals among the parameters.
+        """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.
 
         Args:
             name: of the robot.
         """
         goals = self.goals.get(name)
+        if not goals or ":" in self.behaviour.name:  # a user's own is loaded where it runs
+            return self.behaviour
         kind = table.find(self.behaviour.name)
-        if not goals or not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
+        if not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
             return self.behaviour
         return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
 
     def vehicle(self, name: str) -> Vehicle:
-        """A robot as behaviours take it.
+        """A robot as input of its behaviour.
 
         Args:
             name: of the robot.
@@ -243,5 +245,5 @@ class Scenario(Section, frozen=True, kw_only=True):
 
     @property
     def robots(self) -> tuple[str, ...]:
-        """The robots' names, in the file's order."""
+        """The robots' names, in the order of the file."""
         return tuple(self.robot)

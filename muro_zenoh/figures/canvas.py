@@ -1,7 +1,7 @@
-"""The sheet that figures are drawn on: matplotlib without a screen, one style, files that come out the same each time.
+"""Drawing with matplotlib: no display, one style, reproducible files.
 
-Colours are Okabe and Ito's, which colour-blind readers can tell apart; where several curves share axes they differ in
-their dashes too.
+Colours are those of Okabe and Ito, which colour-blind readers can distinguish; curves on shared axes also differ in
+their dashes.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ _STYLE: Final[Any] = {
     "savefig.facecolor": "white",
     "savefig.dpi": 200,
     "svg.fonttype": "path",  # looks the same where the font is missing
-    "svg.hashsalt": "muro",  # ids in the file, else drawn at random
+    "svg.hashsalt": "muro",  # ids in the file, otherwise random
     "path.simplify_threshold": 0.3,
 }
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """matplotlib in our style, within the block, and without a screen.
+    """A context with our matplotlib style and no display.
 
     Raises:
         MissingExtra: matplotlib is not installed.
@@ -84,7 +84,7 @@ def style() -> Iterator[None]:
 
 
 def sheet(width: float, height: float, rows: int = 1, columns: int = 1, **layout: Any) -> tuple[Figure, Any]:
-    """A figure and its axes; no window, no global state of matplotlib's.
+    """A figure and its axes, without a window and without matplotlib's global state.
 
     Args:
         width: of the figure [inch].
@@ -106,7 +106,7 @@ def save(figure: Figure, path: Path) -> None:
 
     Args:
         figure: the figure.
-        path: where to; its suffix says the format.
+        path: the file; its suffix selects the format.
 
     Raises:
         MuroError: the file cannot be written.
@@ -122,7 +122,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Place the axes for good: the solver's last digits differ between runs, and ids in the file hang on them."""
+    """Round the axes' positions: the solver's last digits differ between runs, and ids in the file depend on them."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axes in figure.axes:
@@ -131,11 +131,11 @@ def _lay_out(figure: Figure) -> None:
 
 
 def plan_view(axes: Axes, circle: Circle | None = None) -> None:
-    """Axes for places on the floor: metres, equal scales, the circle to follow.
+    """Axes of the floor: metres, equal scales, and the circle to follow.
 
     Args:
         axes: the axes.
-        circle: drawn as a dashed line, when there is one.
+        circle: drawn as a dashed line; None for no circle.
     """
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
@@ -160,7 +160,7 @@ def arrow(axes: Axes, pose: Pose2, length: float, color: str) -> None:
     Args:
         axes: the axes.
         pose: its tail and direction [world].
-        length: how long [m].
+        length: its length [m].
         color: its colour.
     """
     axes.annotate(
@@ -178,21 +178,21 @@ def part_label(axes: Axes, letter: str, title: str = "") -> None:
     Args:
         axes: the axes.
         letter: such as ``a``.
-        title: what the part shows, when that needs saying.
+        title: what the part shows; empty for no title.
     """
     axes.set_title(rf"$\bf{{({letter})}}$ {title}".rstrip(), loc="left", fontsize=8.0)
 
 
 def distribution(axes: Axes, values: Array, label: str, color: str, dashes: Any, alpha: float = 1.0) -> None:
-    """The share of values up to each, as steps; what is infinite counts and is never reached.
+    """The cumulative distribution of values, as steps; infinite values count in the total.
 
     Args:
-        axes: where to.
+        axes: the axes.
         values: the values.
         label: for the legend.
         color: of the line.
         dashes: of the line.
-        alpha: of the line; fainter below 1.
+        alpha: opacity of the line, 0 to 1.
     """
     reached = np.sort(values[np.isfinite(values)])
     share = np.arange(len(reached) + 1) / max(len(values), 1)
@@ -206,7 +206,7 @@ def log_ticks(axis: Axis, ticks: Sequence[float]) -> None:
 
     Args:
         axis: the axis.
-        ticks: where.
+        ticks: positions of the ticks.
     """
     from matplotlib.ticker import NullLocator
 

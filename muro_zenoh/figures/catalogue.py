@@ -1,4 +1,4 @@
-"""Every figure by the name that its file has."""
+"""Every figure by its file name."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Entry(NamedTuple):
     """A figure of the catalogue.
 
     Args:
-        draw: from how much is simulated to the figure; within :func:`~muro_zenoh.figures.canvas.style`.
-        shows: what it shows, in a line.
+        draw: from an effort to the figure; called within :func:`~muro_zenoh.figures.canvas.style`.
+        shows: what it shows, in one line.
     """
 
     draw: Callable[[Effort], Figure]
@@ -41,8 +41,8 @@ FIGURES: Final[Mapping[str, Entry]] = MappingProxyType(
         "seed001_wheel_speeds": Entry(steering.wheel_speeds_over_alpha, "point-forward wheel speeds over the angle"),
         "seed004_dubins": Entry(driving.dubins, "a Dubins path with its speed profile"),
         "circle_settling": Entry(following.settling, "settling of the circle laws beside the Dubins reference"),
-        "pursuit_settling": Entry(spreading.settling, "settling of the pursuit laws beside the least time"),
-        "importance_density": Entry(spreading.importance, "where robots were, beside the importance asked for"),
+        "pursuit_settling": Entry(spreading.settling, "settling of the pursuit laws beside the lower bound"),
+        "importance_density": Entry(spreading.importance, "where robots were, beside the desired importance"),
         "coverage_cells": Entry(deploying.coverage_cells, "Voronoi cells before and after Lloyd's algorithm"),
     }
 )
@@ -52,11 +52,11 @@ FIGURES: Final[Mapping[str, Entry]] = MappingProxyType(
 def draw(
     out: Path, only: Sequence[str] = (), file_format: str = "svg", effort: Effort = PUBLISHED
 ) -> Iterator[tuple[str, Path]]:
-    """Draw figures into a folder, which is made when it is missing.
+    """Draw figures into a folder, which is created if it is missing.
 
     Args:
         out: the folder.
-        only: names of figures; none for all.
+        only: names of figures; empty for all.
         file_format: ``svg`` or ``png``.
         effort: how much is simulated.
 
@@ -64,7 +64,7 @@ def draw(
         Name and file of each figure, once it is written.
 
     Raises:
-        ConfigError: a name or a format that there is not; the message lists those there are.
+        ConfigError: an unknown name or format; the message lists the valid ones.
         MissingExtra: matplotlib is not installed.
         MuroError: the folder or a file cannot be written.
     """
@@ -77,9 +77,7 @@ def draw(
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise MuroError(
-                f"{out}: no such folder can be made ({error.strerror}). Choose another with --out"
-            ) from error
+            raise MuroError(f"{out}: cannot create the folder ({error.strerror}). Choose another with --out") from error
         for name in only or FIGURES:
             path = out / f"{name}.{file_format}"
             save(FIGURES[name].draw(effort), path)

@@ -1,4 +1,4 @@
-"""Figure of coverage: cells before and after Lloyd's algorithm, and what the deployment costs meanwhile."""
+"""Figure of coverage: cells before and after Lloyd's algorithm, and the cost at each step."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ STEPS: Final = 60
 
 
 def coverage_cells(effort: Effort) -> Figure:
-    """Ten robots that start bunched in a corner: their cells then, their cells at rest, and the cost at each step.
+    """Ten robots that start bunched in a corner: their first and last cells, and the cost at each step.
 
     Args:
-        effort: how many steps.
+        effort: how many steps are simulated.
     """
     places = np.random.default_rng(5).uniform((0.2, 1.9), (1.5, 2.8), (ROBOTS, 2))
     sites: list[Point] = [(float(x), float(y)) for x, y in places]

@@ -1,4 +1,4 @@
-"""Figure of Dubins paths: seed 004, a path with the speeds on it, and how well it is kept."""
+"""Figure of Dubins paths: seed 004, a path with its speeds and tracking error."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ GAINS: Final = TrackingGains()
 
 
 def dubins(effort: Effort) -> Figure:
-    """Seed 004: a Dubins path driven in the noisy loop, its speeds and how far the robot is from it.
+    """Seed 004: a Dubins path driven in the noisy loop, its speeds and the robot's offset from it.
 
     Args:
         effort: how much is simulated.
     """
     path = plan(START, GOAL, TURNING_RADIUS)
     fleet = Fleet(np.array([START]), NOISY, np.random.default_rng(1))
-    progress, along, asked, driven, offsets = Progress(), [], [], [], []
+    progress, along, desired, driven, offsets = Progress(), [], [], [], []
 
     def policy(t: float, ahead: State) -> tuple[Array, Array]:
         nonlocal progress
@@ -44,7 +44,7 @@ def dubins(effort: Effort) -> Figure:
         progress = step.progress
         x, y = map(float, fleet.plant.pose[0, :2])
         along.append(path.project(x, y, step.error.s - 0.1, step.error.s + 0.1))
-        asked.append(step.twist.v)
+        desired.append(step.twist.v)
         driven.append(float(fleet.plant.twist[0, 0]))
         there = path.pose_at(along[-1])
         side = np.cos(there.theta) * (y - there.y) - np.sin(there.theta) * (x - there.x)
@@ -74,7 +74,7 @@ def dubins(effort: Effort) -> Figure:
                 axes.axvspan(path.distances[k], path.distances[k + 1], color=PALE, linewidth=0)
         axes.set_xlim(0.0, path.length)
         axes.grid(visible=False)
-    speed.plot(along, asked, color=ORANGE, linestyle=(0, (5, 1.5)), label="asked")
+    speed.plot(along, desired, color=ORANGE, linestyle=(0, (5, 1.5)), label="commanded")
     speed.plot(along, driven, color=BLUE, label="driven")
     for v in (PROFILE.v_min, PROFILE.v_max):
         speed.axhline(v, color=GREY, linestyle=(0, (1, 1)), linewidth=0.9)

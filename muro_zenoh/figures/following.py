@@ -1,4 +1,4 @@
-"""Figures of circular path following: seed 000, figures 1 to 4, and how fast each law settles."""
+"""Figures of circular path following: seed 000, figures 1 to 4, and settling times of the laws."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def gain_good(effort: Effort) -> Figure:
 
 
 def gain_too_high(effort: Effort) -> Figure:
-    """Seed 000, figure 3: the passivity law creeps along.
+    """Seed 000, figure 3: the passivity law creeps.
 
     Args:
         effort: how much is simulated.
@@ -98,7 +98,7 @@ def _gain(psi: float, verdict: str, color: str, effort: Effort) -> Figure:
 
 
 def noisy_trajectory(effort: Effort) -> Figure:
-    """Seed 000, figure 4: as a robot of the laboratory drives, with noisy late fixes, lagging wheels and drive errors.
+    """Seed 000, figure 4: with noisy delayed fixes, lagging wheels and drive errors, as in the lab.
 
     Args:
         effort: how much is simulated.
@@ -168,7 +168,7 @@ def _note(law: str, seconds: float) -> _Noted:
 
 
 def settling(effort: Effort) -> Figure:
-    """How fast each circle law settles, beside the shortest Dubins path: distributions over random starts.
+    """Settling times of the circle laws relative to the shortest Dubins path: distributions over random starts.
 
     Args:
         effort: how much is simulated.
@@ -183,7 +183,7 @@ def settling(effort: Effort) -> Figure:
         axes.axvline(1.0, color=GREY, linewidth=0.9)
     for name in CIRCLE_LAWS:
         label, color, dashes = LAW_LOOKS[name]
-        quick = name != "passivity"  # the others end near 1; it does not come there in either loop
+        quick = name != "passivity"  # which does not come near 1 in either loop
         loops = ((NOISY, (everything, noisy)), (CLEAN, (clean,))) if quick else ((NOISY, (everything,)),)
         for settings, shown in loops:
             seconds = effort.seconds(45.0 if quick else 120.0)

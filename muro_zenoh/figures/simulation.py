@@ -1,4 +1,4 @@
-"""What figures simulate: how much of it, and runs of the lock-step rollout of which the whole track is kept."""
+"""Simulations for figures: their extent, and lock-step rollouts with the whole track recorded."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from muro_zenoh.simulation.rollout.fleet import Fleet, Policy
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is simulated for a figure; the defaults are what the published figures have.
+    """How much is simulated for a figure; the defaults are those of the published figures.
 
     Args:
-        starts: of each circle law, for distributions.
-        trials: rings of ten of each pursuit law.
-        share: of the length of every run, 0 to 1; for a quick look.
+        starts: number of starts per circle law, for distributions.
+        trials: number of rings of ten robots per pursuit law.
+        share: fraction of the length of every run, 0 to 1; less than 1 for a quick look.
 
     Raises:
         ParameterError: a number outside its limits.
@@ -34,7 +34,7 @@ class Effort:
         check_quantities(self)
 
     def seconds(self, full: float) -> float:
-        """Length of a run that has ``full`` seconds in the published figure [s]; one second at least.
+        """Length of a run that takes ``full`` seconds in the published figure [s]; at least 1 s.
 
         Args:
             full: that length [s].
@@ -43,11 +43,11 @@ class Effort:
 
 
 PUBLISHED = Effort()
-"""What the figures in the documentation were drawn with."""
+"""The effort of the figures in the documentation."""
 
 
 class Track(NamedTuple):
-    """Where robots were, at first and after every move of the plant.
+    """The robots' true poses, at the start and after every step of the plant.
 
     ``time`` (T,) [s]; ``pose`` (T, N, 3): the true x, y [m, world], theta [rad].
     """
@@ -56,7 +56,7 @@ class Track(NamedTuple):
     pose: Array
 
     def radius_error(self, circle: Circle) -> Array:
-        """Distance from the centre less the radius (T, N) [m].
+        """Distance from the centre minus the radius (T, N) [m].
 
         Args:
             circle: the circle.
@@ -66,12 +66,12 @@ class Track(NamedTuple):
 
 
 def drive(fleet: Fleet, policy: Policy, seconds: float) -> Track:
-    """Drive a fleet and keep where it was.
+    """Drive a fleet and record its track.
 
     Args:
         fleet: the robots.
         policy: the law.
-        seconds: for how long [s].
+        seconds: duration [s].
     """
     times, poses = [fleet.time], [fleet.plant.pose.copy()]
 

@@ -1,4 +1,4 @@
-"""Figures of cyclic pursuit: seed 000, figures 5 to 7, how fast each law spreads a bunch, and importance."""
+"""Figures of cyclic pursuit: seed 000, figures 5 to 7, settling times of the laws, and importance."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ V_MAX: Final = 0.4
 BAND: Final = 0.1
 
 STEP_GAIN: Final = 0.5
-"""k of the seed's discrete pursuit; of the gains in (0, 1) the one that spreads a ring fastest."""
+"""k of the seed's discrete pursuit: the gain in (0, 1) that spreads a ring fastest."""
 
 BINS: Final = 36
 
@@ -66,7 +66,7 @@ def steps_0(effort: Effort) -> Figure:
 
 
 def steps_10(effort: Effort) -> Figure:
-    """Seed 000, figure 6: the same after ten steps of the seed's pursuit; the first of them has got ahead.
+    """Seed 000, figure 6: the same after ten steps of the seed's pursuit; the first robot has moved ahead.
 
     Args:
         effort: not used: a few steps are quickly made.
@@ -84,7 +84,7 @@ def steps_100(effort: Effort) -> Figure:
 
 
 def _ring_after(steps: int) -> Figure:
-    """``theta_i(t + 1) = theta_i(t) + k gap_i(t)``: the proportional law, a second a step."""
+    """``theta_i(t + 1) = theta_i(t) + k gap_i(t)``: the proportional law, one second per step."""
     law = pursuit_law("proportional", cruise=1.0, gain=STEP_GAIN, v_min=0.0, v_max=100.0)
     angle = np.linspace(0.0, BUNCH, ROBOTS)
     for _ in range(steps):
@@ -113,7 +113,7 @@ def _ring_after(steps: int) -> Figure:
 
 
 def settling(effort: Effort) -> Figure:
-    """How fast each pursuit law spreads ten robots that start bunched, beside the least time that there is.
+    """Settling times of the pursuit laws for ten robots that start bunched, relative to the lower bound.
 
     Args:
         effort: how much is simulated.
@@ -126,7 +126,7 @@ def settling(effort: Effort) -> Figure:
     for name, (label, color, dashes) in LAW_LOOKS.items():
         law = pursuit_law(name, cruise=CRUISE, v_min=V_MIN, v_max=V_MAX)
         for loop in (CLEAN, NOISY):
-            # The hidden drive errors may ask 20 % more of the wheels than of the robot.
+            # With hidden drive errors the wheels may have to turn 20 % faster than the robot drives.
             settings = replace(loop, v_max=1.5 * V_MAX)
             rng, seconds = np.random.default_rng(2), effort.seconds(60.0)
             run = pursue_ring(starts, CIRCLE, law, circle_law(), settings, rng, seconds)
@@ -141,7 +141,7 @@ def settling(effort: Effort) -> Figure:
                 distribution(ratios, settled / bound, "", color, dashes, alpha=0.45)
     least = float(np.median(bound))
     course.axvline(least, color=GREY, linewidth=0.9)
-    course.text(least + 1.0, 4.2, "least time (median)", color=BLACK, fontsize=7)
+    course.text(least + 1.0, 4.2, "lower bound (median)", color=BLACK, fontsize=7)
     course.axhline(BAND, color=BLACK, linestyle=(0, (4, 3)), linewidth=0.9)
     course.set_xlim(0.0, 60.0)
     course.set_yscale("log")
@@ -154,7 +154,7 @@ def settling(effort: Effort) -> Figure:
     ratios.set_xlim(0.8, 8.0)
     log_ticks(ratios.xaxis, (1.0, 2.0, 3.0, 5.0, 8.0))
     ratios.set_ylim(0.0, 1.0)
-    ratios.set_xlabel("time to 0.1 rad / least time [-]")
+    ratios.set_xlabel("time to 0.1 rad / lower bound [-]")
     ratios.set_ylabel("share of the trials [-]")
     figure.legend(*course.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     part_label(course, "a", "noisy loop")
@@ -162,28 +162,28 @@ def settling(effort: Effort) -> Figure:
     return figure
 
 
-def asked_density() -> Importance:
-    """The importance that the figure asks for: three times as much on one side as on the other."""
+def desired_density() -> Importance:
+    """The desired importance of the figure: three times as much on one side as on the other."""
     return Importance.from_function(lambda angle: 2.0 + math.cos(angle - 1.0))
 
 
 def importance(effort: Effort) -> Figure:
-    """Where robots were, averaged over three minutes, beside the density that was asked for.
+    """Where robots were, averaged over three minutes, beside the desired density.
 
     Args:
         effort: how much is simulated.
     """
-    asked = asked_density()
+    desired = desired_density()
     edges = np.linspace(0.0, TWO_PI, BINS + 1)
-    wanted = np.diff(np.asarray(asked.mass(edges))) / (TWO_PI / BINS)
+    share = np.diff(np.asarray(desired.mass(edges))) / (TWO_PI / BINS)
     figure, parts = sheet(PAGE, 2.2, 1, 3, sharey=True)
     sizes = (1, 3, 5)
-    for axes, letter, robots, found in zip(parts, "abc", sizes, _densities(asked, sizes, effort), strict=True):
-        off = 0.5 * float(abs(found - wanted).sum()) / BINS
+    for axes, letter, robots, found in zip(parts, "abc", sizes, _densities(desired, sizes, effort), strict=True):
+        off = 0.5 * float(abs(found - share).sum()) / BINS
         axes.bar(
             0.5 * (edges[1:] + edges[:-1]), found, width=0.9 * TWO_PI / BINS, color=BLUE, alpha=0.45, label="found"
         )
-        axes.plot(edges, np.asarray(asked.density(edges)), color=ORANGE, label="asked for")
+        axes.plot(edges, np.asarray(desired.density(edges)), color=ORANGE, label="desired")
         part_label(axes, letter, f"N = {robots}, total variation {100.0 * off:.1f} %")
         axes.set_xlim(0.0, TWO_PI)
         axes.set_xticks(np.linspace(0.0, TWO_PI, 5), ("0", "π/2", "π", "3π/2", "2π"))
@@ -194,9 +194,9 @@ def importance(effort: Effort) -> Figure:
     return figure
 
 
-def _densities(asked: Importance, sizes: tuple[int, ...], effort: Effort) -> list[Array]:
-    """How often rings of robots under importance-weighted pursuit are in each bin of angles, mean 1, (BINS,) each."""
-    law = pursuit_law("importance", cruise=CRUISE, v_min=V_MIN, v_max=V_MAX, importance=asked)
+def _densities(desired: Importance, sizes: tuple[int, ...], effort: Effort) -> list[Array]:
+    """Density of rings of robots under importance-weighted pursuit over the bins of angles, mean 1, (BINS,) each."""
+    law = pursuit_law("importance", cruise=CRUISE, v_min=V_MIN, v_max=V_MAX, importance=desired)
     follow = circle_law()
     angles = np.concatenate([np.linspace(0.0, BUNCH, robots) for robots in sizes])
     ends = np.cumsum(sizes)

@@ -21,7 +21,7 @@ SPEED: Final = WHEEL_RADIUS  # V / R = 1, and K = L / (2 l) = 1, as on the page
 
 
 def wheel_speeds_over_alpha(effort: Effort) -> Figure:
-    """Seed 001: what each wheel does for an angle to turn, with all reversing and with the page's limit on it.
+    """Seed 001: wheel speeds over the angle to turn, with unlimited reversing and with the page's limit.
 
     Args:
         effort: not used: nothing is simulated.
@@ -33,7 +33,7 @@ def wheel_speeds_over_alpha(effort: Effort) -> Figure:
     for axes, letter, (title, limit) in zip(parts, "ab", limits, strict=True):
         v, omega = steer_to_angle(np.zeros_like(alpha), alpha, np.full_like(alpha, SPEED), AHEAD, limit)
         wheels = wheel_speeds(v, omega, WHEEL_BASE, WHEEL_RADIUS)
-        broken = np.append(abs(np.diff(v)) > 1e-3, False)  # a law that jumps is no upright line
+        broken = np.append(abs(np.diff(v)) > 1e-3, False)  # draw a jump of the law as a gap
 
         def line(values: np.ndarray, broken: np.ndarray = broken) -> np.ndarray:
             return np.where(broken, np.nan, values)

@@ -21,11 +21,11 @@ GROUPS: Final = (
     (("agent",), GREEN),
     (("operator",), PURPLE),
 )
-"""Programs from top to bottom, each group with a colour; one in no group comes last, in grey."""
+"""Programs from top to bottom, one colour per group; a program in no group is last, in grey."""
 
 
 class Flow(NamedTuple):
-    """A channel, or orders: their key after the realm, and who is at either end."""
+    """A channel, or orders: the key without the realm, and the programs at either end."""
 
     key: str
     writers: tuple[str, ...]
@@ -33,7 +33,7 @@ class Flow(NamedTuple):
 
 
 def flows() -> list[Flow]:
-    """The table of channels as flows, and the orders, all those to the base station as one."""
+    """The table of channels as flows, and the orders; all orders to the base station are one flow."""
     rows = [
         Flow(
             f"{channel.word}/<{channel.named}>" if channel.named else channel.word,
@@ -54,7 +54,7 @@ def flows() -> list[Flow]:
 
 
 def topics(effort: Effort) -> Figure:
-    """Seed 000, figure 8: who writes each topic, and who reads it.
+    """Seed 000, figure 8: the writers and readers of each topic.
 
     Args:
         effort: not used: nothing is simulated.
@@ -83,7 +83,7 @@ def topics(effort: Effort) -> Figure:
 
 
 def _by_writer(rows: list[Flow]) -> list[Flow]:
-    """By the group of who writes them first, so that few lines cross."""
+    """Sorted by the group of the first writer, so that few lines cross."""
     return sorted(rows, key=lambda row: _group(row.writers[0]))
 
 
@@ -98,7 +98,7 @@ def _color(name: str) -> str:
 
 
 def _column(ends: Sequence[tuple[str, float]]) -> dict[str, float]:
-    """Heights of the names in a column, by how high their channels stand, so that few lines cross."""
+    """Heights of the names in a column, by the mean height of their channels, so that few lines cross."""
     at: dict[str, list[float]] = {}
     for name, height in ends:
         at.setdefault(name, []).append(height)

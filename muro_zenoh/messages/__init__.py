@@ -1,6 +1,6 @@
 """Every message on the bus, and the codec.
 
-On the wire a message is a MessagePack map, so that any language can join in. Every one has ``stamp`` (seconds since
+On the wire a message is a MessagePack map, readable from any language. Every message has ``stamp`` (seconds since
 1970), ``seq`` and ``epoch`` (random per process start; ``seq`` is compared within one epoch only). SI units, radians
 in (-pi, pi], right-handed world frame (REP 103).
 """

@@ -1,4 +1,4 @@
-"""What every message has, and that every number in it is one that can be calculated with."""
+"""The base of every message, and the check that its numbers can be calculated with."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ Name = Annotated[str, Meta(pattern=_NAME)]
 
 @lru_cache(maxsize=64)
 def require_names(names: tuple[str, ...]) -> None:
-    """Refuse texts that are no :data:`Name`; the same ones as before are known.
+    """Refuse texts that are not a :data:`Name`. Results are cached, because the same names are checked again and again.
 
     Args:
         names: the texts.
 
     Raises:
-        ValueError: one is none.
+        ValueError: one is not a name.
     """
     for name in names:
         if not re.fullmatch(_NAME, name):
@@ -41,16 +41,16 @@ LARGEST = 1e12
 in the midst of a law."""
 
 Value = bool | int | float | str | tuple[float | str | tuple[float, ...], ...]
-"""What a behaviour's parameter may be."""
+"""The type of a behaviour's parameter."""
 
 
 class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What every message has. A message whose ``stamp`` is 0 is stamped, and numbered, when it is sent.
+    """Base of all messages. A message whose ``stamp`` is 0 is stamped and numbered when it is sent.
 
     Attributes:
-        stamp: when it was made (a pose fix, an odometry: when it was measured) [s since 1970, the writer's clock].
+        stamp: when it was made (for odometry: when it was measured) [s since 1970, the writer's clock].
         seq: counts a writer's messages on one key from 1.
-        epoch: the writer's process, a number drawn at its start.
+        epoch: identifies the writer's process; a random number drawn at its start.
     """
 
     stamp: float = 0.0
@@ -73,7 +73,7 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 def _number_fields(
     kind: type[Message],
 ) -> tuple[Callable[[Message], tuple[float, ...]], tuple[str, ...], tuple[str, ...]]:
-    """A getter of the plain floats, the fields that are tuples of floats, and the others that may hold floats."""
+    """A getter of the plain floats, the fields that are tuples of floats, and all other fields that may hold floats."""
     types = {field.name: field.type for field in msgspec.structs.fields(kind)}
     scalars = [name for name, annotation in types.items() if _bare(annotation) is float]
     vectors = tuple(name for name, annotation in types.items() if _bare(annotation) == tuple[float, ...])
@@ -98,8 +98,8 @@ def require_usable(field: str, value: Any) -> None:
     """Refuse NaN, the infinities and numbers beyond :data:`LARGEST`, in a value and in what it holds.
 
     Args:
-        field: what the value is, for the error.
-        value: a number, or a tuple or dict of values; others pass.
+        field: the value's name, for the error.
+        value: a number, or a tuple or dict of values; other types pass.
 
     Raises:
         ValueError: a number is none of these.

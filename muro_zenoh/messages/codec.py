@@ -1,6 +1,6 @@
 """From messages to bytes and back.
 
-A value of a wrong type, an unknown or a missing field, NaN and the infinities make a :class:`MessageError`.
+A wrong type, an unknown or missing field, NaN and infinities raise a :class:`MessageError`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def decode(data: bytes, kind: type[M]) -> M:
 
     Args:
         data: the bytes.
-        kind: what they should be.
+        kind: the expected message type.
 
     Raises:
         MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
@@ -50,7 +50,7 @@ def decoder(kind: type[M]) -> Callable[[bytes], M]:
     """:func:`decode` for one kind, to decode many.
 
     Args:
-        kind: what the bytes should be.
+        kind: the expected message type.
     """
     raw = msgspec.msgpack.Decoder(kind).decode
 
@@ -90,9 +90,9 @@ def check_encoding(encoding: str | None, kind: type[Message]) -> None:
     Raises:
         MessageError: another type, another version, or no MessagePack at all.
     """
-    if encoding is None or encoding in _UNSAID or encoding == encoding_of(kind):
+    if encoding is None or encoding in _UNSPECIFIED or encoding == encoding_of(kind):
         return
     raise MessageError(f"{kind.__name__}: got encoding {encoding!r}, expected {encoding_of(kind)!r}")
 
 
-_UNSAID = frozenset({"", "zenoh/bytes", "application/octet-stream", "application/msgpack"})
+_UNSPECIFIED = frozenset({"", "zenoh/bytes", "application/octet-stream", "application/msgpack"})

@@ -1,4 +1,4 @@
-"""What is kept, ordered and answered: circle, behaviours, stop, health, and the orders."""
+"""Kept state, orders and answers: circle, behaviours, stop, health, and the orders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from muro_zenoh.messages.base import Message, Name, Value
 
 
 class Goal(Message, frozen=True, kw_only=True):
-    """An order to a robot: go there; ``theta`` may be nil when the heading does not matter."""
+    """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter."""
 
     x: float
     y: float
@@ -33,13 +33,13 @@ class Circle(Message, frozen=True, kw_only=True):
 
         Args:
             circle: the circle.
-            revision: of the kept state.
+            revision: the revision of the kept state.
         """
         return cls(x=circle.x, y=circle.y, radius=circle.radius, clockwise=circle.clockwise, revision=revision)
 
     @property
     def circle(self) -> geometry.Circle:
-        """As the laws take it."""
+        """The circle as the laws use it."""
         return geometry.Circle(self.x, self.y, self.radius, self.clockwise)
 
 
@@ -52,7 +52,7 @@ class Behaviour(Message, frozen=True, kw_only=True):
 
 
 class StopOrder(Message, frozen=True, kw_only=True):
-    """The whole state of stop, never a difference: everybody (``all``), or those in ``names``."""
+    """The whole stop state, never a difference: all robots (``all``), or those in ``names``."""
 
     all: bool
     names: tuple[Name, ...] = ()
@@ -60,18 +60,18 @@ class StopOrder(Message, frozen=True, kw_only=True):
 
 
 class Health(Message, frozen=True, kw_only=True):
-    """How a process is, and why it does what it does.
+    """The state of a process, and the reasons for it.
 
     Attributes:
         role: ``agent``, ``base``, ``basestation``, ``simulator`` ...
         state: one word, such as ``driving``, ``holding``, ``stopped``, ``failed``.
-        reasons: why it is not driving, most important first.
+        reasons: why it does not drive, most important first.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
-        samples: measurements since the last health by name (``pose_age_s``, ``pose_to_command_s``).
+        samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
         failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
-        stop_latched: a stop is latched here.
-        stop_all: ... and it was an order to everybody.
-        stop_revision: the newest revision of the stop order that was heard here.
+        stop_latched: a stop is latched.
+        stop_all: the latched stop was one to all robots.
+        stop_revision: the newest revision of the stop order that was received.
     """
 
     role: str
@@ -95,7 +95,7 @@ class SetCircle(Message, frozen=True, kw_only=True):
 
 
 class SetBehaviour(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the behaviour of ``names`` (none: of every robot)."""
+    """An order to the base station: change the behaviour of ``names`` (empty: all robots)."""
 
     behaviour: str
     parameters: dict[str, Value] = field(default_factory=dict)
@@ -103,20 +103,20 @@ class SetBehaviour(Message, frozen=True, kw_only=True):
 
 
 class Stop(Message, frozen=True, kw_only=True):
-    """An order to the base station: stop ``names`` (none: everybody)."""
+    """An order to the base station: stop ``names`` (empty: all robots)."""
 
     names: tuple[Name, ...] = ()
 
 
 class Resume(Message, frozen=True, kw_only=True):
-    """An order to the base station: lift the stop of ``names`` (none: everybody's) up to ``revision``."""
+    """An order to the base station: lift the stop of ``names`` (empty: all robots) up to ``revision``."""
 
     revision: Annotated[int, Meta(ge=0)]
     names: tuple[Name, ...] = ()
 
 
 class Clear(Message, frozen=True, kw_only=True):
-    """An order to the base station: the robot was carried away, forget where it was last seen."""
+    """An order to the base station: forget a robot's last position, because it was carried away."""
 
     name: Name
 

@@ -1,4 +1,4 @@
-"""What robots, cameras and the base station say of the world: frames, fixes, estimates, commands."""
+"""Telemetry of robots, cameras and the base station: frames, fixes, estimates, commands."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Frame(Message, frozen=True, kw_only=True):
 
 
 class PoseFix(Message, frozen=True, kw_only=True):
-    """Where a camera saw a robot.
+    """A robot's pose as seen by a camera.
 
-    ``stamp`` is when the base station sent it, ``age`` [s] how long before that the frame was captured; ``x``, ``y``
-    [m] and ``theta`` [rad] are those of the base frame in the world.
+    ``stamp``: when the base station sent it; ``age`` [s]: how long before that the frame was captured; ``x``, ``y``
+    [m] and ``theta`` [rad]: the base frame in the world.
     """
 
     age: Annotated[float, Meta(ge=0)]
@@ -38,12 +38,12 @@ class PoseFix(Message, frozen=True, kw_only=True):
 
     @property
     def pose(self) -> geometry.Pose2:
-        """The place and heading."""
+        """The position and heading."""
         return geometry.Pose2(self.x, self.y, self.theta)
 
 
 class Estimate(Message, frozen=True, kw_only=True):
-    """What the pose filter believes of the moment ``stamp``. ``v`` and ``omega`` are the speeds really driven."""
+    """The pose filter's estimate at the time ``stamp``. ``v`` and ``omega`` are the actual speeds."""
 
     x: float
     y: float
@@ -54,7 +54,7 @@ class Estimate(Message, frozen=True, kw_only=True):
 
     @property
     def pose(self) -> geometry.Pose2:
-        """The place and heading."""
+        """The position and heading."""
         return geometry.Pose2(self.x, self.y, self.theta)
 
 
@@ -66,12 +66,12 @@ class Calibration(Message, frozen=True, kw_only=True):
 
 
 RobotStatus = Literal["tracking", "disagrees", "stale", "lost"]
-"""``tracking``: seen now. ``disagrees``: the agent's estimate is not where the cameras see the robot. ``stale``: not
-seen for a moment. ``lost``: not seen for long; it stays an obstacle where it was."""
+"""``tracking``: seen now. ``disagrees``: seen, but away from the agent's estimate. ``stale``: not seen for a short
+time. ``lost``: not seen for a longer time; it remains an obstacle at its last position."""
 
 
 class RobotState(Struct, frozen=True, forbid_unknown_fields=True):
-    """One robot in the snapshot, which checks it. ``age`` [s] is that of the fix behind ``x``, ``y``, ``theta``."""
+    """One robot in a snapshot; the snapshot checks its values. ``age`` [s]: of the fix of ``x``, ``y``, ``theta``."""
 
     name: str
     x: float
@@ -84,7 +84,7 @@ class RobotState(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def pose(self) -> geometry.Pose2:
-        """The place and heading."""
+        """The position and heading."""
         return geometry.Pose2(self.x, self.y, self.theta)
 
 
@@ -101,7 +101,7 @@ class FleetSnapshot(Message, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         # Every agent decodes this at each frame. A pattern on the name and a check in each robot would take three times
-        # as long as all the rest of it.
+        # as long as the rest of the decoding.
         require_names(tuple(map(_NAME, self.robots)))
         if not math.hypot(*chain.from_iterable(map(_NUMBERS, self.robots))) <= LARGEST:
             for robot in self.robots:
@@ -110,27 +110,27 @@ class FleetSnapshot(Message, frozen=True, kw_only=True):
 
 
 class SpeedReference(Message, frozen=True, kw_only=True):
-    """How fast a robot shall go along its path [m/s]."""
+    """The desired speed of a robot along its path [m/s]."""
 
     speed: float
 
 
 class VelocityCommand(Message, frozen=True, kw_only=True):
-    """What the wheels shall do: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise, after calibration."""
+    """A command to the wheels: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise, after calibration."""
 
     v: float
     omega: float
 
 
 class PlannedPath(Message, frozen=True, kw_only=True):
-    """A planned path: a start, and arcs and straights one after the other.
+    """A planned path: a start, and a chain of arcs and straights.
 
     Attributes:
         x: where it begins [m, world].
         y: where it begins [m, world].
         theta: in which direction [rad].
         segments: rows ``(length [m], curvature [1/m])``, the curvature positive to the left, 0 straight on.
-        goal_theta: whether the goal asked for the heading at the end; else the heuristic chose it.
+        goal_theta: whether the goal specified the heading at the end; otherwise the heuristic chose it.
     """
 
     x: float
@@ -141,10 +141,10 @@ class PlannedPath(Message, frozen=True, kw_only=True):
 
 
 class Cell(Message, frozen=True, kw_only=True):
-    """A robot's Voronoi cell within the arena, and the (density-weighted) centroid that it makes for.
+    """A robot's Voronoi cell within the arena, and its (density-weighted) centroid.
 
     Attributes:
-        corners: ``(x, y)`` counter-clockwise [m, world]; none for an empty cell.
+        corners: ``(x, y)`` counter-clockwise [m, world]; empty for an empty cell.
         x: of the centroid [m, world].
         y: of the centroid [m, world].
     """
@@ -155,7 +155,7 @@ class Cell(Message, frozen=True, kw_only=True):
 
 
 class Odometry(Message, frozen=True, kw_only=True):
-    """What the wheels' encoders say: a pose in a frame of their own, and the twist."""
+    """The wheel encoders' pose, in a frame of its own, and twist."""
 
     x: float
     y: float
@@ -165,7 +165,7 @@ class Odometry(Message, frozen=True, kw_only=True):
 
 
 class Truth(Message, frozen=True, kw_only=True):
-    """Where a simulated robot really is. For score sheets only; no task may read it."""
+    """The true state of a simulated robot. For score sheets only; no task may read it."""
 
     x: float
     y: float
@@ -175,7 +175,7 @@ class Truth(Message, frozen=True, kw_only=True):
 
 
 class BaseState(Message, frozen=True, kw_only=True):
-    """How a base is. ``battery`` in [0, 1]. ``dead_man``: no fresh command, wheels at zero."""
+    """The state of a base. ``battery`` in [0, 1]. ``dead_man``: no fresh command, wheels at zero."""
 
     battery: float
     charging: bool

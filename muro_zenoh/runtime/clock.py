@@ -10,16 +10,16 @@ class Clock(Protocol):
     """A clock that never goes back."""
 
     def now(self) -> float:
-        """Seconds since 1970; within one process it only ever moves forward. Callable from any thread."""
+        """Seconds since 1970; it never decreases within one process. Callable from any thread."""
         ...
 
 
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""It only ever grows; on Linux it goes on while the machine is suspended, and so do the ages that it gives."""
+"""A monotonic clock; on Linux it includes the time while the machine is suspended, so ages are right afterwards."""
 
 
 class SystemClock:
-    """The wall clock as it was at the start, plus a steady clock since: a step of NTP does not disturb it."""
+    """The wall clock at the start plus a monotonic clock since then, so that an NTP step does not affect it."""
 
     __slots__ = ("_offset",)
 

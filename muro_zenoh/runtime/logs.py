@@ -1,4 +1,4 @@
-"""Logs: one line an event, to standard error."""
+"""Logs: one line per event, to standard error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def set_up_logs(name: str) -> None:
     """Send this process's logs to standard error.
 
     Args:
-        name: of the process; it stands in every line. The level is ``MURO_LOG`` (``debug``, ``info``, ``warning``).
+        name: of the process; part of every line. The level is ``MURO_LOG`` (``debug``, ``info``, ``warning``).
     """
     level = os.environ.get("MURO_LOG", "info").upper()
     handler = logging.StreamHandler(sys.stderr)

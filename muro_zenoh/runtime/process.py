@@ -1,8 +1,8 @@
-"""A process's lifetime: signals and a lifeline cancel its main task, and that is the only way down.
+"""A process's lifetime: signals and a lifeline cancel its main task; that is the only way to shut down.
 
-Code of a user's own may ignore its cancellation, or block the loop: after a grace the process ends all the same.
+A user's code may ignore its cancellation or block the loop: after a timeout the process is then ended by force.
 
-Exit codes: 0 asked to leave; 1 failed, or had to be ended by force; 2 the settings or the command line were wrong.
+Exit codes: 0 shut down on request; 1 failed, or ended by force; 2 the settings or the command line were wrong.
 """
 
 from __future__ import annotations
@@ -27,52 +27,52 @@ from muro_zenoh.runtime.logs import set_up_logs
 log = logging.getLogger(__name__)
 
 LIFELINE = "MURO_LIFELINE"
-"""Environment variable with the number of a pipe's reading end. Nothing is ever written to it: it ends when the
-supervisor does, however that dies, and the process leaves."""
+"""Environment variable with the file descriptor of a pipe's reading end. Nothing is written to it: it is closed when
+the supervisor ends, for whatever reason, and the process then shuts down."""
 
 OK, FAILED, WRONG_USE = 0, 1, 2
 
-_TASK_GRACE = 0.5
-"""Tasks that outlive the main task are cancelled, and waited for this long [s]."""
+_TASK_TIMEOUT = 0.5
+"""How long tasks that outlive the main task may take to end after they are cancelled [s]."""
 
-_GRACE = 10.0
-"""From being asked to leave, or from the end of its main task, to the forced end of a process whose loop is blocked, or
-that waits for a thread which never ends [s]. `muro run` takes up to six seconds to end its children."""
+_SHUTDOWN_TIMEOUT = 10.0
+"""Time from the request to shut down, or the end of the main task, until a process whose loop is blocked, or that waits
+for a thread which never ends, is ended by force [s]. `muro run` takes up to six seconds to stop its children."""
 
-_ORPHAN_GRACE = 3.0
-"""The same for a process whose supervisor is gone: nobody else is left to end it [s]."""
+_ORPHAN_TIMEOUT = 3.0
+"""The same for a process whose supervisor has ended, because nothing else would stop it [s]."""
 
 
 def run_process(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> int:
     """Run a process to its end.
 
     Args:
-        main: makes the main coroutine; what it returns is the exit code (None: 0).
-        name: whose logs these are.
+        main: makes the main coroutine, which returns the exit code (None: 0).
+        name: the process's name in the logs.
 
     Returns:
         The exit code.
     """
     set_up_logs(name)
-    # What the imports made lives as long as the process; the collector need not walk it again.
+    # Objects made by imports live as long as the process; the garbage collector need not scan them again.
     gc.collect()
     gc.freeze()
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         try:
-            code = runner.run(_until_asked_to_leave(main()))
+            code = runner.run(_run_until_shutdown(main()))
         except Exception as error:
-            code = _say(error)
+            code = _report(error)
         finally:
-            _end_within(_GRACE)
-        # The runner itself would wait for every task, however long that ignores its cancellation.
+            _end_within(_SHUTDOWN_TIMEOUT)
+        # The runner itself would wait without limit for a task that ignores its cancellation.
         runner.run(_end_other_tasks())
     return code
 
 
-def _say(error: Exception) -> int:
-    """Log what went wrong; a traceback only for what was not raised on purpose. The exit code."""
+def _report(error: Exception) -> int:
+    """Log an error, with a traceback only for unexpected ones; return the exit code."""
     if isinstance(error, ExceptionGroup):
-        return max(_say(one) for one in error.exceptions)
+        return max(_report(one) for one in error.exceptions)
     if isinstance(error, MuroError):
         log.error("%s", error)
         return WRONG_USE if isinstance(error, ConfigError) else FAILED
@@ -85,57 +85,57 @@ def ready(role: str, name: str = "") -> None:
     print(f"READY {role} {name}".rstrip(), flush=True)  # noqa: T201 - a line for the supervisor
 
 
-async def _until_asked_to_leave(main: Coroutine[Any, Any, int | None]) -> int:
+async def _run_until_shutdown(main: Coroutine[Any, Any, int | None]) -> int:
     loop = asyncio.get_running_loop()
     task = asyncio.ensure_future(main)
-    asked = ""
+    reason = ""
 
-    def leave(why: str) -> None:
-        nonlocal asked
-        if not asked:
-            asked = why
-            log.debug("leaving: %s", why)
+    def shut_down(why: str) -> None:
+        nonlocal reason
+        if not reason:
+            reason = why
+            log.debug("shutting down: %s", why)
             task.cancel()
 
     def on_signal(number: int, frame: FrameType | None) -> None:
         # Not one of the loop's own handlers: a loop that is blocked would never call it.
-        _end_within(_GRACE)
+        _end_within(_SHUTDOWN_TIMEOUT)
         with contextlib.suppress(RuntimeError):  # the loop may be closed by now
-            loop.call_soon_threadsafe(leave, signal.Signals(number).name)
+            loop.call_soon_threadsafe(shut_down, signal.Signals(number).name)
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, on_signal)
     if LIFELINE in os.environ:
         lifeline = int(os.environ[LIFELINE])
-        threading.Thread(target=_hold, args=(lifeline, loop, leave), name="lifeline", daemon=True).start()
+        threading.Thread(target=_watch_lifeline, args=(lifeline, loop, shut_down), name="lifeline", daemon=True).start()
     try:
         return await task or OK
     except asyncio.CancelledError:
-        if not asked:
+        if not reason:
             raise
         return OK
 
 
-def _hold(lifeline: int, loop: asyncio.AbstractEventLoop, leave: Callable[[str], None]) -> None:
-    """Wait for the lifeline's end, in a thread: a behaviour that blocks the loop must not outlive `muro run`."""
+def _watch_lifeline(lifeline: int, loop: asyncio.AbstractEventLoop, shut_down: Callable[[str], None]) -> None:
+    """Wait in a thread until the lifeline is closed: a behaviour that blocks the loop must not outlive `muro run`."""
     while os.read(lifeline, 1):
         pass
-    _end_within(_ORPHAN_GRACE)
+    _end_within(_ORPHAN_TIMEOUT)
     with contextlib.suppress(RuntimeError):  # the loop may be closed by now
-        loop.call_soon_threadsafe(leave, "the supervisor is gone")
+        loop.call_soon_threadsafe(shut_down, "the supervisor has ended")
 
 
 async def _end_other_tasks() -> None:
-    """Cancel what the main task has left behind, and end the process when that does not end."""
+    """Cancel the tasks that outlive the main task, and end the process by force when they do not end."""
     others = asyncio.all_tasks() - {asyncio.current_task()}
     for task in others:
         task.cancel()
-    left = (await asyncio.wait(others, timeout=_TASK_GRACE))[1] if others else ()
+    left = (await asyncio.wait(others, timeout=_TASK_TIMEOUT))[1] if others else ()
     if left:
         log.error(
-            "ended by force: %s had not ended %g s after being cancelled; let CancelledError pass",
+            "ended by force: %s had not ended %g s after being cancelled; do not suppress CancelledError",
             ", ".join(sorted(task.get_name() for task in left)),
-            _TASK_GRACE,
+            _TASK_TIMEOUT,
         )
         os._exit(FAILED)
 
@@ -144,16 +144,16 @@ _ends_at = math.inf
 """When this process is ended by force, by the monotonic clock [s]."""
 
 
-def _end_within(grace: float) -> None:
-    """End this process by force, with exit code 1 and a traceback of every thread. Of two ends the earlier one holds.
+def _end_within(timeout: float) -> None:
+    """End this process by force after a timeout, with exit code 1 and a traceback of every thread. The earliest counts.
 
     Args:
-        grace: how long it may take to end by itself [s].
+        timeout: how long it may take to end by itself [s].
     """
     global _ends_at
-    if time.monotonic() + grace < _ends_at:
-        _ends_at = time.monotonic() + grace
-        faulthandler.dump_traceback_later(grace, exit=True)
+    if time.monotonic() + timeout < _ends_at:
+        _ends_at = time.monotonic() + timeout
+        faulthandler.dump_traceback_later(timeout, exit=True)
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:

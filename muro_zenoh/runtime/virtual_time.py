@@ -1,7 +1,7 @@
 """An event loop whose time jumps to the next timer: minutes of a fleet in seconds, however busy the machine is.
 
 The loop never waits, so coroutines that run on it may use timers, queues and the in-memory bus, but no threads and no
-sockets: time would run away while a thread works. Given the same seeds, a run repeats itself exactly.
+sockets: virtual time would advance while a thread works. With the same seeds a run is exactly repeatable.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ P = ParamSpec("P")
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Never waits: it advances the loop's time instead."""
+    """A selector that advances the loop's time instead of waiting."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class _JumpingSelector(selectors.DefaultSelector):
             if timeout is None:
                 raise RuntimeError(
                     "deadlock in virtual time: got no task that is ready and no timer, expected one of them. "
-                    "Every task waits for another one, or for a thread or a socket, which virtual time has not"
+                    "Every task waits for another one, or for a thread or a socket, which virtual time does not support"
                 )
             self.time += max(timeout, 0.0)
         return ready
@@ -63,7 +63,7 @@ class VirtualClock:
 
 
 class InlineExecutor(Executor):
-    """Stands in for a pool of threads: what is submitted is done at once, and takes no virtual time."""
+    """Replaces a thread pool: submitted calls are done at once and take no virtual time."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Call a function now.
@@ -74,7 +74,7 @@ class InlineExecutor(Executor):
             kwargs: passed on.
 
         Returns:
-            Done, with the function's result or what it raised.
+            A finished future, with the function's result or exception.
         """
         done: Future[T] = Future()
         try:
@@ -91,10 +91,10 @@ def run_virtually(main: Coroutine[Any, Any, T]) -> T:
         main: the coroutine.
 
     Returns:
-        What it returns.
+        Its result.
 
     Raises:
-        RuntimeError: a deadlock: no task can ever go on.
+        RuntimeError: a deadlock: no task can continue.
     """
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         return runner.run(main)

@@ -23,7 +23,8 @@ def reasons_to_hold(
         reasons.append(latch.reason)
     # Written so that a NaN is a reason too.
     if not fix_age <= fix_limit:
-        reasons.append("no pose yet" if fix_age == float("inf") else f"no pose for {fix_age:.1f} s")
+        never = "no pose yet: waiting for a camera to see this robot"
+        reasons.append(never if fix_age == float("inf") else f"no pose for {fix_age:.1f} s")
     if hold:
         reasons.append(hold)
     elif not twist_age <= twist_limit:

@@ -38,23 +38,23 @@ class StopLatch:
     not lift an operator's stop that it has not received.
 
     Attributes:
-        heard: an order was received.
+        received: an order was received.
         stopped: a stop is latched.
-        everybody: the latched stop was one to all robots.
+        all_robots: the latched stop was one to all robots.
         revision: the newest revision received.
     """
 
-    heard: bool = False
+    received: bool = False
     stopped: bool = False
-    everybody: bool = False
+    all_robots: bool = False
     revision: int = -1
 
-    def hear(self, me: str, *, everybody: bool, names: Collection[str], revision: int) -> StopLatch:
+    def receive(self, me: str, *, all_robots: bool, names: Collection[str], revision: int) -> StopLatch:
         """The latch after an order.
 
         Args:
             me: this robot's name.
-            everybody: the order stops all robots.
+            all_robots: the order stops all robots.
             names: the robots that it stops.
             revision: the order's revision.
         """
@@ -62,23 +62,23 @@ class StopLatch:
             revision = 0
         newer = revision > 0 and is_newer(revision, self.revision)
         newest = revision if newer else max(self.revision, 0)
-        if everybody or me in names:
+        if all_robots or me in names:
             # A newer order is the whole state: one that names some robots replaces an order to all.
-            return StopLatch(True, True, everybody or (self.everybody and not newer), newest)
-        if newer or (revision > 0 and not self.heard):
+            return StopLatch(True, True, all_robots or (self.all_robots and not newer), newest)
+        if newer or (revision > 0 and not self.received):
             return StopLatch(True, False, False, newest)
-        return StopLatch(self.heard, self.stopped, self.everybody, newest)
+        return StopLatch(self.received, self.stopped, self.all_robots, newest)
 
     @property
     def may_drive(self) -> bool:
         """Whether driving is allowed."""
-        return self.heard and not self.stopped
+        return self.received and not self.stopped
 
     @property
     def reason(self) -> str:
         """Why driving is not allowed; empty when it is."""
-        if not self.heard:
-            return "no stop state received yet"
+        if not self.received:
+            return "no stop state received yet: waiting for the base station"
         if self.stopped:
-            return "stopped by order (all robots)" if self.everybody else "stopped by order"
+            return "stopped by order (all robots)" if self.all_robots else "stopped by order"
         return ""

@@ -1,1 +1,1 @@
-"""What is collected of a run, and the score sheet that comes of it."""
+"""Data collected from a run, and its score sheet."""

@@ -1,4 +1,4 @@
-"""Makes the generated part of ``docs/scoresheet.md``: ``python -m muro_zenoh.scoring docs/scoresheet.md``."""
+"""Generates the tables of ``docs/scoresheet.md``: ``python -m muro_zenoh.scoring docs/scoresheet.md``."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from muro_zenoh.scoring.sheet import ScoreSheet
 
 
 def page(text: str) -> str:
-    """The page of the score sheet with its generated part made anew.
+    """The page of the score sheet with its generated part replaced.
 
     Args:
-        text: the page as it is; what is outside its marks stays.
+        text: the page as it is; text outside the marks is kept.
 
     Raises:
         ConfigError: the marks are missing.

@@ -11,17 +11,17 @@ from muro_zenoh.scoring.rows import definitions
 from muro_zenoh.scoring.sheet import CheckResult, ScoreSheet
 
 _CONVERSIONS: Final = {("ms", "s"): 1e-3}
-"""What a value in the report's unit is multiplied by, to be in its limit's unit."""
+"""The factor from a value in the report's unit to one in its limit's unit."""
 
 
 class Judged(NamedTuple):
     """A check, with what its limit and its key say of it.
 
     Attributes:
-        name: of its limit in ``[checks]``.
-        check: what the limit is of.
-        unit: of the limit.
-        factor: what the report's value is multiplied by, to be in that unit.
+        name: name of its limit in ``[checks]``.
+        check: the check that the limit belongs to.
+        unit: unit of the limit.
+        factor: factor from the report's value to that unit.
     """
 
     name: str
@@ -30,11 +30,11 @@ class Judged(NamedTuple):
     factor: float
 
     def result(self, sheet: ScoreSheet, limit: float) -> CheckResult:
-        """How the check comes out.
+        """The result of the check.
 
         Args:
             sheet: the score sheet.
-            limit: what the scenario asks for.
+            limit: the scenario's limit.
         """
         at_most = self.check.bound is Bound.AT_MOST
         values = list(_values(sheet, self.check.key.split(".")))
@@ -50,7 +50,7 @@ def check_run(sheet: ScoreSheet, limits: Checks) -> dict[str, CheckResult]:
 
     Args:
         sheet: the score sheet.
-        limits: what the scenario asks for.
+        limits: the scenario's limits.
     """
     return {
         judged.name: judged.result(sheet, limit)

@@ -1,4 +1,4 @@
-"""How well robots follow a circle and spread round it: radius error, spacing error, settling time. Pure."""
+"""How well robots follow a circle and spread on it: radius error, spacing error, settling time. Pure."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Sample
 
 RADIUS_BAND: Final = 0.03
-"""A settled robot is at most this far from the circle [m]."""
+"""Maximum distance of a settled robot from the circle [m]."""
 
 SPACING_BAND: Final = 0.10
-"""A settled fleet's spacing error is at most this [rad]."""
+"""Maximum spacing error of a settled fleet [rad]."""
 
 SETTLED_FOR: Final = 5.0
-"""A fleet has settled once it has stayed within the bands for this long [s]."""
+"""A fleet has settled once it has stayed within the bands for this time [s]."""
 
 _GAP: Final = 5.0 * SAMPLE_PERIOD
-"""Samples further apart than this do not belong to one stay within the bands [s]."""
+"""A larger gap between samples ends a stay within the bands [s]."""
 
 
 def radius_error(position: tuple[float, float], circle: Circle) -> float:
@@ -34,19 +34,19 @@ def radius_error(position: tuple[float, float], circle: Circle) -> float:
 
 
 def spacing_error(positions: Mapping[str, tuple[float, float]], circle: Circle) -> float:
-    """The largest |gap - 2 pi / N| between neighbours round a circle's centre [rad]; 0 for fewer than two robots.
+    """The largest |gap - 2 pi / N| between neighbours around a circle's centre [rad]; 0 for fewer than two robots.
 
     The same for both directions of travel.
 
     Args:
         positions: x, y [m, world] by robot.
-        circle: the circle whose centre is meant.
+        circle: the circle; only its centre is used.
     """
     return ring.spacing_error(ring.angles_round(positions, circle))
 
 
 def gaps_ahead(positions: Mapping[str, tuple[float, float]], circle: Circle) -> dict[str, float]:
-    """The gap from each robot to the next in the direction of travel [rad]; a whole turn for a robot alone.
+    """The gap from each robot to the next in the direction of travel [rad]; 2 pi for a single robot.
 
     Args:
         positions: x, y [m, world] by robot.
@@ -56,12 +56,12 @@ def gaps_ahead(positions: Mapping[str, tuple[float, float]], circle: Circle) -> 
 
 
 def within_bands(sample: Sample, robots: int, *, spread: bool) -> bool:
-    """Whether every robot's truth is known, near the circle and, if asked for, evenly spaced.
+    """Whether every robot's true position is known and near the circle and, optionally, all are evenly spaced.
 
     Args:
         sample: the fleet at one moment.
-        robots: how many robots there are.
-        spread: whether the spacing counts, too.
+        robots: number of robots.
+        spread: whether to check the spacing.
     """
     if len(sample.positions) < robots:
         return False
@@ -71,11 +71,11 @@ def within_bands(sample: Sample, robots: int, *, spread: bool) -> bool:
 
 
 def settle_time(moments: Sequence[tuple[float, bool]], settled_for: float = SETTLED_FOR) -> float | None:
-    """The first time from which on the fleet stayed within the bands long enough [s]; None when there is none.
+    """The first time from which the fleet stayed within the bands for long enough [s]; None when there is none.
 
     Args:
         moments: time [s] and whether the fleet was within the bands then, in order. A gap of half a second ends a stay.
-        settled_for: how long is long enough [s].
+        settled_for: the required time within the bands [s].
     """
     since = last = math.nan
     for t, within in moments:
@@ -84,7 +84,7 @@ def settle_time(moments: Sequence[tuple[float, bool]], settled_for: float = SETT
         elif not t - last <= _GAP or math.isnan(since):
             since = t
         last = t
-        # Times are multiples of the period, in floats.
+        # Tolerance for rounding: times are multiples of the period.
         if within and t - since >= settled_for - 1e-6:
             return since
     return None

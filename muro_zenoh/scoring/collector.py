@@ -1,4 +1,4 @@
-"""What is seen of a run while it goes on: from the bus, for the live table and the score sheet."""
+"""Collects data of a run from the bus, for the live table and the score sheet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
-from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.expectations import expectations_of
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.reports import AgentReports, SimulatorReports, keep_newest
 from muro_zenoh.scoring.sheet import ProcessUse
@@ -23,25 +23,25 @@ from muro_zenoh.transport import Bus, Every
 log = logging.getLogger(__name__)
 
 TRUTH_TIMEOUT: Final = 0.5
-"""A truth older than this is not known any more [s]; the simulator sends 20 a second."""
+"""Maximum age of a truth message [s]; the simulator sends 20 a second."""
 
 _MOST_PATHS: Final = 10_000
 _MOST_SAMPLES: Final = 24 * 36_000
 """Of a run that is longer than a day the last day is judged."""
 
 _CIRCLING: Final = 10.0
-"""Calibrations are looked at after this time on the circle [s]."""
+"""Calibrations are evaluated after this time on the circle [s]."""
 
 
 class Collector:
-    """Listens from its start, and collects from :meth:`begin` on.
+    """Subscribes when it is created, and collects from :meth:`begin` on.
 
     Args:
         bus: the bus.
         scenario: the scenario whose robots are observed.
 
     Attributes:
-        asked: what the scenario asks of its robots.
+        expected: what the robots should achieve.
         health: the newest health of each process.
         latest: the newest sample.
     """
@@ -57,11 +57,11 @@ class Collector:
         self._cal_v = bus.latest(channels.CAL_V, "*")
         self._positions = bus.latest(channels.ALL_POSITIONS)
         self._paths = bus.every(channels.PATH, "*", depth=4096)
-        # Recorded only for the check that needs it: these are many messages.
+        # Recorded only when a check needs it, because these are many messages.
         self._commands = (
             bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
         )
-        self.asked = asked_of(scenario)
+        self.expected = expectations_of(scenario)
         self._planned: dict[str, list[Planned]] = {name: [] for name in scenario.robots}
         self._command_ratio: float | None = None
         self._agents = AgentReports()
@@ -82,11 +82,11 @@ class Collector:
 
     @property
     def samples(self) -> list[Sample]:
-        """The fleet at 10 Hz so far."""
+        """Samples of the fleet so far, at 10 Hz."""
         return self._samples
 
     def begin(self) -> None:
-        """Scenario time is 0 now."""
+        """Start scenario time at 0."""
         self._began = self._bus.clock.now()
         self._agents.begin(self._began, {name: health.epoch for name, health in self.health.items()})
 
@@ -102,7 +102,7 @@ class Collector:
     # ---- health
 
     async def collect_health(self) -> None:
-        """Take the health of every process as it comes, until cancelled."""
+        """Receive the health of every process until cancelled."""
         async for received in self._health:
             self.health[received.name] = received.message
             if received.message.failure:
@@ -113,7 +113,7 @@ class Collector:
                 self._agents.add(received.name, received.message)
 
     def fix_rate(self, robot: str) -> float | None:
-        """Accepted fixes per second of scenario time, as far as they were reported [Hz].
+        """Reported accepted fixes per second of scenario time [Hz].
 
         Args:
             robot: its name.
@@ -121,7 +121,7 @@ class Collector:
         return self._agents.fix_rate(robot)
 
     def calibrated(self, robot: str) -> Calibrated:
-        """The calibrations found, and what the simulator hides.
+        """The estimated calibrations, and the simulator's hidden drive scales.
 
         Args:
             robot: its name.
@@ -141,12 +141,12 @@ class Collector:
         clock = self._bus.clock
         start, k = clock.now(), 0
         while True:
-            k = max(k + 1, math.floor((clock.now() - start) / SAMPLE_PERIOD))  # after a pause, none are made up for
+            k = max(k + 1, math.floor((clock.now() - start) / SAMPLE_PERIOD))  # samples missed in a pause are skipped
             await asyncio.sleep(max(0.0, start + k * SAMPLE_PERIOD - clock.now()))
             self.take_sample()
 
     def take_sample(self) -> None:
-        """Look at the fleet once."""
+        """Take one sample of the fleet."""
         bodies = self._bodies(self._bus.clock.now())
         positions = {name: (body.x, body.y) for name, body in bodies.items()}
         stopped = frozenset(name for name, health in self.health.items() if health.stop_latched)
@@ -161,7 +161,7 @@ class Collector:
 
     @property
     def circle(self) -> Circle:
-        """The circle to follow: the last one received, else the scenario's."""
+        """The circle to follow: the newest one received, or the scenario's before the first."""
         received = self._circle.get()
         return received.message.circle if received is not None else self._scenario.circle
 
@@ -210,11 +210,11 @@ class Collector:
     def observed(
         self, *, duration: float, seed: int | None, ended: str, restarts: int, processes: Mapping[str, ProcessUse]
     ) -> Observed:
-        """All that was seen.
+        """All collected data.
 
         Args:
-            duration: scenario time that passed [s].
-            seed: of the simulator.
+            duration: elapsed scenario time [s].
+            seed: the simulator's seed.
             ended: ``duration``, ``interrupted`` or ``failed``.
             restarts: of processes.
             processes: their use of the machine.
@@ -223,7 +223,7 @@ class Collector:
             scenario=self._scenario.name,
             robots=self._robots,
             duration=duration,
-            asked=self.asked,
+            expected=self.expected,
             seed=seed,
             ended=ended,
             samples=self._samples,
@@ -236,7 +236,7 @@ class Collector:
             calibration_error_10s=self._error_after,
             restarts=restarts,
             processes=processes,
-            paths=self._planned if self.asked.v_min is not None else {},
+            paths=self._planned if self.expected.v_min is not None else {},
             command_ratio=self._command_ratio,
             seen=self._seen,
             failures=self._failures,

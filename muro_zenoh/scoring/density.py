@@ -1,4 +1,4 @@
-"""How well robots on a circle share out their time as an importance asks. Pure."""
+"""How well the time that robots spend along a circle matches an importance. Pure."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from muro_zenoh.control.importance import Importance
 from muro_zenoh.geometry import TWO_PI, Circle
 
 BINS: Final = 36
-"""Parts of the circle in which the time that robots spend there is compared with what is asked for."""
+"""Number of parts of the circle in which the time spent is compared with the importance."""
 
 
 def density_error(positions: Sequence[tuple[float, float]], circle: Circle, importance: Importance) -> float | None:
-    """How far the time spent round a circle is from what was asked for: total variation distance [-], 0 to 1.
+    """Total variation distance between the time spent along a circle and an importance [-], 0 to 1.
 
-    Half the sum over :data:`BINS` equal parts of \\|share of the positions there - share of the importance there\\|.
+    Half the sum over :data:`BINS` equal parts of \\|share of the positions there - share of the importance there\\|;
+    None without positions.
 
     Args:
-        positions: x, y [m, world] of all robots, evenly in time; None comes of none.
-        circle: the circle whose centre is meant.
-        importance: what was asked for.
+        positions: x, y [m, world] of all robots, sampled evenly in time.
+        circle: the circle; only its centre is used.
+        importance: the desired density.
     """
     if not positions:
         return None

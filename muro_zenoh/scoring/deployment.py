@@ -1,4 +1,4 @@
-"""How well robots covered a floor, round by round. Pure."""
+"""How well robots cover a floor, round by round. Pure."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body
 from muro_zenoh.scoring.rows import Row, Table
 
 _UNSEEN: Final = 2.0 * SAMPLE_PERIOD
-"""A rest is seen up to two samples shorter than it is [s]."""
+"""A stationary period is measured up to two samples too short [s]."""
 
 _CONVERGED: Final = 1e-4
-"""Lloyd's algorithm is followed until no site moves further than this [m]."""
+"""Lloyd's algorithm is iterated until no site moves further than this [m]."""
 
 _MAX_STEPS: Final = 2000
 
 
 class Deployment(NamedTuple):
-    """What robots that cover a floor were asked for.
+    """The task of robots that cover a floor.
 
     Attributes:
-        floor: what they cover.
-        density: how much each place matters; None for all alike.
-        hold_time: how long all have been stationary when a round ends [s].
+        floor: the floor to cover.
+        density: the density over the floor; None for uniform.
+        hold_time: how long all robots are stationary before a round ends [s].
     """
 
     floor: Bounds
@@ -37,15 +37,14 @@ class Deployment(NamedTuple):
 
 
 class Deployed(NamedTuple):
-    """How a deployment went.
+    """The result of a deployment.
 
     Attributes:
-        distance: the largest distance from a robot to its own cell's centroid, at rest at the end [m]; None while one
-            moves.
-        cost: of the last round.
-        gain: by what fraction Lloyd's algorithm, from the final places until it has converged, would lower the cost.
+        distance: the largest distance of a robot from its own cell's centroid at the end [m]; None while one moves.
+        cost: the cost of the last round.
+        gain: the fraction by which Lloyd's algorithm, iterated from the final positions, would still lower the cost.
         rise: the largest fraction by which the cost rose from the end of one round to the end of the next.
-        rounds: how many rounds ended.
+        rounds: number of rounds that ended.
     """
 
     distance: float | None
@@ -80,8 +79,8 @@ class Coverage(Table):
     gain: Annotated[
         float | None,
         Row(
-            "by what fraction Lloyd's algorithm, begun at the final positions and followed until it converges, would "
-            "lower the cost; `null` while a robot drives",
+            "the fraction by which Lloyd's algorithm, started at the final positions and iterated until it converges, "
+            "would lower the cost; `null` while a robot drives",
             digits=5,
         ),
     ]
@@ -89,38 +88,38 @@ class Coverage(Table):
         float | None,
         Row(
             "the largest fraction by which the cost rose from the end of one round to the end of the next (negative: "
-            "it always fell); a round ends when all robots, having been stationary for `hold_time`, go on; a rest is "
-            f"seen up to two samples ({_UNSEEN:g} s) shorter than it is",
+            "it always fell); a round ends when all robots, stationary for `hold_time`, drive on; a stationary period "
+            f"is measured up to two samples ({_UNSEEN:g} s) too short",
             digits=5,
         ),
     ]
-    rounds: Annotated[int, Row("how many rounds ended")]
+    rounds: Annotated[int, Row("number of rounds that ended")]
 
 
-def score_deployment(asked: Deployment, fleet: Sequence[tuple[float, Mapping[str, Body]]], robots: int) -> Deployed:
-    """How a deployment went.
+def score_deployment(expected: Deployment, fleet: Sequence[tuple[float, Mapping[str, Body]]], robots: int) -> Deployed:
+    """The result of a deployment.
 
     Args:
-        asked: what was asked for.
+        expected: the task.
         fleet: scenario time [s] and the robots then, in order.
-        robots: how many there are; a moment at which not all are known is skipped.
+        robots: number of robots; moments at which not all are known are skipped.
     """
     known = [(t, bodies) for t, bodies in fleet if len(bodies) == robots]
-    rests = [rest for rest in _rests(known) if rest.end - rest.begin >= asked.hold_time - _UNSEEN]
-    costs = [coverage_cost(_sites(rest.bodies), asked.floor, asked.density) for rest in rests]
+    rests = [rest for rest in _rests(known) if rest.end - rest.begin >= expected.hold_time - _UNSEEN]
+    costs = [coverage_cost(_sites(rest.bodies), expected.floor, expected.density) for rest in rests]
     rise = max((b / a - 1.0 for a, b in itertools.pairwise(costs)), default=0.0 if costs else None)
     if not rests or rests[-1].end < known[-1][0]:  # a robot is driving at the end
         return Deployed(None, costs[-1] if costs else None, None, rise, len(costs))
     sites = _sites(rests[-1].bodies)
-    cost = coverage_cost(sites, asked.floor, asked.density)
-    ahead = lloyd_step(sites, asked.floor, asked.density)
+    cost = coverage_cost(sites, expected.floor, expected.density)
+    ahead = lloyd_step(sites, expected.floor, expected.density)
     distance = max(math.dist(site, centre) for site, centre in zip(sites, ahead, strict=True))
-    settled = coverage_cost(_lloyd(sites, asked), asked.floor, asked.density)
+    settled = coverage_cost(_lloyd(sites, expected), expected.floor, expected.density)
     return Deployed(distance, cost, 1.0 - settled / cost, rise, len(costs))
 
 
 class _Rest(NamedTuple):
-    """A stretch of time in which all robots were stationary: from, to [s], and where they were at its end."""
+    """A period in which all robots were stationary: begin, end [s], and their positions at its end."""
 
     begin: float
     end: float
@@ -145,9 +144,9 @@ def _sites(bodies: Mapping[str, Body]) -> tuple[Point, ...]:
     return tuple((body.x, body.y) for body in bodies.values())
 
 
-def _lloyd(sites: tuple[Point, ...], asked: Deployment) -> tuple[Point, ...]:
+def _lloyd(sites: tuple[Point, ...], expected: Deployment) -> tuple[Point, ...]:
     for _ in range(_MAX_STEPS):
-        before, sites = sites, lloyd_step(sites, asked.floor, asked.density)
+        before, sites = sites, lloyd_step(sites, expected.floor, expected.density)
         if max(math.dist(a, b) for a, b in zip(before, sites, strict=True)) < _CONVERGED:
             break
     return sites

@@ -1,4 +1,4 @@
-"""What a scenario asks of its robots, for the score sheet: read from the table of behaviours."""
+"""What the robots of a scenario should achieve, for the score sheet; from the table of behaviours."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from muro_zenoh.control.importance import Importance
 from muro_zenoh.scoring.deployment import Deployment
 
 
-class Asked(NamedTuple):
-    """What the robots shall do.
+class Expectations(NamedTuple):
+    """What the robots should achieve.
 
     Attributes:
-        follows_circle: follow the circle ...
-        spreads: ... and spread evenly round it ...
-        importance: ... or stay longer where this is greater.
-        goals: go to these, one after the other, by robot.
-        v_min: along paths, on whose arcs they drive so fast [m/s].
-        deployment: cover the floor.
+        follows_circle: whether they follow the circle.
+        spreads: whether they spread evenly on it.
+        importance: where on the circle they should stay longer; None for no weighting.
+        goals: goals to visit in order, by robot.
+        v_min: speed on the arcs of planned paths [m/s]; None when they plan none.
+        deployment: the floor to cover; None when they cover none.
     """
 
     follows_circle: bool = False
@@ -32,25 +32,27 @@ class Asked(NamedTuple):
     deployment: Deployment | None = None
 
 
-def asked_of(scenario: Scenario) -> Asked:
-    """What a scenario asks of its robots; nothing, for a behaviour that is a user's own.
+def expectations_of(scenario: Scenario) -> Expectations:
+    """The expectations of a scenario; none for a user's own behaviour.
 
     Args:
         scenario: the scenario.
 
     Raises:
-        ConfigError: the behaviour does not take these parameters, or they do not fit together.
+        ConfigError: the behaviour does not take these parameters, or they are inconsistent.
         BehaviourError: no such behaviour.
     """
     expected = _expected(scenario)
-    asked = expected.deployment
-    return Asked(
+    deployment = expected.deployment
+    return Expectations(
         expected.on_circle,
         expected.evenly,
         expected.importance,
         {robot: scenario.goals.get(robot, ()) for robot in scenario.robots} if expected.goals else {},
         expected.v_min,
-        Deployment(scenario.vehicle(scenario.robots[0]).arena, asked.density, asked.hold_time) if asked else None,
+        Deployment(scenario.vehicle(scenario.robots[0]).arena, deployment.density, deployment.hold_time)
+        if deployment
+        else None,
     )
 
 

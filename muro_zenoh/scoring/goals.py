@@ -1,4 +1,4 @@
-"""How well robots went to their goals, and along their paths, from their true positions. Pure."""
+"""How well robots reach their goals and follow their paths, from their true positions. Pure."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from muro_zenoh.scoring.observed import STATIONARY_SPEED, Body, Moment, Planned
 from muro_zenoh.scoring.rows import Row, Table
 
 REST: Final = 0.4
-"""A robot rests when it is stationary for at least this long [s]."""
+"""A robot is at rest when it is stationary for at least this time [s]."""
 
 NEAR: Final = 0.10
-"""A robot that rests within this distance of a goal rests at that goal, however badly [m]."""
+"""A robot at rest within this distance of a goal has reached it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoalResult(Table):
-    """One goal of a robot, and how well it was reached."""
+    """One goal of a robot, and the accuracy at it."""
 
-    x: Annotated[float, Row("where the goal is, world frame", "m")]
-    y: Annotated[float, Row("where the goal is, world frame", "m")]
-    theta: Annotated[float | None, Row("the heading asked for; `null` when none is", "rad")]
+    x: Annotated[float, Row("position of the goal, world frame", "m")]
+    y: Annotated[float, Row("position of the goal, world frame", "m")]
+    theta: Annotated[float | None, Row("heading of the goal; `null` when it has none", "rad")]
     reached_s: Annotated[
         float | None, Row("scenario time at which the robot came to rest there; `null` when it did not", "s", 2)
     ] = None
     distance_m: Annotated[float | None, Row("distance of the robot at rest there from the goal", "m", 4)] = None
     heading_rad: Annotated[
-        float | None, Row("angle between the heading of the robot at rest there and the one asked for", "rad", 4)
+        float | None, Row("angle between the heading of the robot at rest there and that of the goal", "rad", 4)
     ] = None
 
 
 class Rest(NamedTuple):
-    """A stretch of time in which a robot was stationary: from, to [s], and where it was at its end."""
+    """A period in which a robot was stationary: begin, end [s], and the robot at its end."""
 
     begin: float
     end: float
@@ -48,8 +48,8 @@ class Tracked(NamedTuple):
     """How a robot followed its paths.
 
     Attributes:
-        errors: distance from the path while it drove [m].
-        peak: greatest speed on a straight [m/s]; None when it never drove on one.
+        errors: distances from the path while it drove [m].
+        peak: maximum speed on a straight [m/s]; None when it never drove on one.
     """
 
     errors: list[float]
@@ -57,7 +57,7 @@ class Tracked(NamedTuple):
 
 
 def rests(track: Sequence[Moment]) -> list[Rest]:
-    """When and where a robot rested.
+    """When and where a robot was at rest.
 
     Args:
         track: the robot, in order of time.
@@ -76,10 +76,10 @@ def rests(track: Sequence[Moment]) -> list[Rest]:
 
 
 def score_goals(goals: Sequence[Sequence[float]], track: Sequence[Moment]) -> tuple[GoalResult, ...]:
-    """Each goal of one robot: when it was reached, and how well.
+    """For each goal of one robot, when it was reached, and the accuracy there.
 
-    A goal is reached at the first rest within :data:`NEAR` of it after the goal before was reached. A robot that rests
-    there several times, coming nearer, is judged by the last of them.
+    A goal is reached at the first rest within :data:`NEAR` of it after the previous goal was reached. When a robot
+    rests there several times, each time nearer, the last rest counts.
 
     Args:
         goals: rows ``(x, y)`` or ``(x, y, theta)`` [m, world; rad], in order.
@@ -105,10 +105,10 @@ def score_goals(goals: Sequence[Sequence[float]], track: Sequence[Moment]) -> tu
 
 
 def score_tracking(paths: Sequence[Planned], track: Sequence[Moment]) -> Tracked:
-    """How near its paths one robot drove, and how fast on their straights.
+    """One robot's distance from its paths, and its maximum speed on their straights.
 
     Args:
-        paths: its paths, in order of time; each holds until the next.
+        paths: its paths, in order of time; each is valid until the next.
         track: the robot, in order of time.
     """
     errors: list[float] = []

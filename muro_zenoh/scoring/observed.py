@@ -1,4 +1,4 @@
-"""What was seen of a run: the input of its score sheet."""
+"""The data observed in a run: the input of its score sheet."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.planning.path import Path
 
 if TYPE_CHECKING:
-    from muro_zenoh.scoring.expectations import Asked
+    from muro_zenoh.scoring.expectations import Expectations
     from muro_zenoh.scoring.sheet import ProcessUse
 
 SAMPLE_PERIOD: Final = 0.1
-"""Time from one sample of the fleet to the next [s]."""
+"""Period of the samples of the fleet [s]."""
 
 STATIONARY_SPEED: Final = 0.01
-"""A robot slower than this [m/s] ..."""
+"""A stationary robot is slower than this [m/s] ..."""
 
 STATIONARY_TURNING_RATE: Final = 0.05
-"""... that turns slower than this, too, is stationary [rad/s]."""
+"""... and turns slower than this [rad/s]."""
 
 
 class Body(NamedTuple):
-    """A robot as it truly is: x, y [m, world], theta [rad], v [m/s], omega [rad/s]."""
+    """A robot's true state: x, y [m, world], theta [rad], v [m/s], omega [rad/s]."""
 
     x: float
     y: float
@@ -47,7 +47,7 @@ class Moment(NamedTuple):
 
 
 class Planned(NamedTuple):
-    """A path, and the scenario time ``t`` from which on the robot followed it [s]."""
+    """A path, and the scenario time ``t`` from which the robot followed it [s]."""
 
     t: float
     path: Path
@@ -58,10 +58,10 @@ class Sample(NamedTuple):
 
     Attributes:
         t: scenario time [s].
-        positions: x, y [m, world] of each robot whose truth is known then.
-        circle: the circle to follow then.
-        bodies: each robot whose truth is known then, with heading and speeds.
-        stopped: the robots that were under a stop order then.
+        positions: true x, y [m, world] by robot, for those known at this time.
+        circle: the circle to follow at this time.
+        bodies: true states by robot, for those known at this time.
+        stopped: the robots that were stopped by order at this time.
     """
 
     t: float
@@ -72,13 +72,13 @@ class Sample(NamedTuple):
 
 
 class Calibrated(NamedTuple):
-    """A robot's drive calibrations, found and true.
+    """A robot's drive calibrations, estimated and true.
 
     Attributes:
-        cal0: found; multiplies omega.
-        calD: found; multiplies v.
-        s_omega: hidden: the robot turns this many times what its wheels report.
-        s_v: hidden: the robot drives this many times what its wheels report.
+        cal0: estimated factor on omega.
+        calD: estimated factor on v.
+        s_omega: hidden scale: true over reported turning rate.
+        s_v: hidden scale: true over reported speed.
     """
 
     cal0: float | None = None
@@ -88,7 +88,7 @@ class Calibrated(NamedTuple):
 
     @property
     def error(self) -> float | None:
-        """The larger relative error of the two against one over the hidden scale; None while one is not known."""
+        """The larger relative error of the two against one over the hidden scale; None while one is unknown."""
         if self.cal0 is None or self.calD is None or self.s_omega is None or self.s_v is None:
             return None
         return max(abs(self.cal0 * self.s_omega - 1.0), abs(self.calD * self.s_v - 1.0))
@@ -96,27 +96,27 @@ class Calibrated(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """What was seen of a run.
+    """The data observed in a run.
 
     Attributes:
         scenario: its name.
         robots: their names.
-        duration: scenario time that passed [s].
-        asked: what the scenario asks of its robots.
-        seed: of the simulator.
+        duration: elapsed scenario time [s].
+        expected: what the robots should achieve.
+        seed: the simulator's seed.
         ended: ``duration``, ``interrupted`` or ``failed``.
         samples: the fleet at 10 Hz.
-        pose_age: from capture to the estimate that used it [s], each.
-        pose_to_command: from the arrival of a pose to the command that followed [s], each.
+        pose_age: for each pose, the time from capture to the estimate that used it [s].
+        pose_to_command: for each pose, the time from its arrival to the command that used it [s].
         fix_rate: accepted fixes per second, by robot [Hz].
         collisions: the simulator's count; None without a simulator.
         min_separation: smallest distance between two centres [m]; None without a simulator, or for one robot.
         calibration: cal0, calD, and the simulator's hidden scales of omega and v, by robot.
         calibration_error_10s: worst relative error of the two after 10 s of circling, by robot.
-        restarts: of processes.
-        processes: their use of the machine, by process.
-        paths: the paths that each robot planned; empty when the scenario asks for none.
-        command_ratio: the largest speed commanded of any robot over its limit; None when it was not recorded.
+        restarts: number of process restarts.
+        processes: processor time and memory, by process.
+        paths: the paths that each robot planned; empty when the scenario needs none.
+        command_ratio: the largest commanded speed of any robot over its limit; None when it was not recorded.
         seen: the robots that a camera saw.
         failures: why behaviours failed, or ended before the run did, by robot.
     """
@@ -124,7 +124,7 @@ class Observed:
     scenario: str
     robots: tuple[str, ...]
     duration: float
-    asked: Asked
+    expected: Expectations
     seed: int | None = None
     ended: str = "duration"
     samples: Sequence[Sample] = ()

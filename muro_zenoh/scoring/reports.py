@@ -1,4 +1,4 @@
-"""What processes report of themselves once a second, added up over a run and over their restarts. No bus."""
+"""The health reports of processes, accumulated over a run and over restarts. No bus."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class FixCount:
     """The fixes that one agent has reported since scenario time began.
 
     Attributes:
-        epoch: of the process that reported last.
-        last_fixes: what it reported [-].
+        epoch: epoch of the newest report.
+        last_fixes: number of fixes in it [-].
         first_stamp: when counting began [s].
-        last_stamp: of the last report; 0 before the second one [s].
-        fixes: counted since then [-].
+        last_stamp: stamp of the newest report; 0 before the second one [s].
+        fixes: fixes counted since ``first_stamp`` [-].
     """
 
     epoch: int
@@ -44,7 +44,7 @@ class FixCount:
     fixes: float = 0.0
 
     def add(self, health: Health) -> None:
-        """Count what a report adds to the one before it; a process that was restarted counts from zero.
+        """Add the difference to the previous report; a restarted process counts from zero.
 
         Args:
             health: the report.
@@ -57,18 +57,18 @@ class FixCount:
 
     @property
     def rate(self) -> float | None:
-        """Fixes per second [Hz]; None until there are two reports."""
+        """Fixes per second [Hz]; None before the second report."""
         if self.last_stamp <= self.first_stamp:
             return None
         return self.fixes / (self.last_stamp - self.first_stamp)
 
 
 class AgentReports:
-    """What agents have reported since scenario time began.
+    """The reports of the agents since scenario time began.
 
     Attributes:
-        pose_age: from capture to the estimate that used it [s], each.
-        pose_to_command: from the arrival of a pose to the command that followed [s], each.
+        pose_age: for each pose, the time from capture to the estimate that used it [s].
+        pose_to_command: for each pose, the time from its arrival to the command that used it [s].
     """
 
     def __init__(self) -> None:
@@ -79,16 +79,16 @@ class AgentReports:
         self._began = 0.0
 
     def begin(self, now: float, epochs: dict[str, int]) -> None:
-        """Scenario time begins.
+        """Begin scenario time.
 
         Args:
             now: the time [s].
-            epochs: of the processes that have reported already, by name.
+            epochs: epochs of the processes that have reported already, by name.
         """
         self._began, self._first_epochs = now, epochs
 
     def add(self, name: str, health: Health) -> None:
-        """Take a report.
+        """Add a report.
 
         Args:
             name: of the process.
@@ -98,10 +98,10 @@ class AgentReports:
         if count is None:
             first_epoch = self._first_epochs.get(name, health.epoch)
             if first_epoch == health.epoch:
-                # It covers time before the beginning, too, so it only marks where counting begins.
+                # It covers time before the beginning, so it only marks where counting begins.
                 self._fixes[name] = FixCount(health.epoch, health.numbers.get("fixes", 0.0), health.stamp)
                 return
-            # The process was restarted after the beginning: all of its report counts.
+            # The process was restarted after the beginning: the whole report counts.
             count = self._fixes[name] = FixCount(first_epoch, 0.0, self._began)
         count.add(health)
         for key, collected in (("pose_age_s", self.pose_age), ("pose_to_command_s", self.pose_to_command)):
@@ -109,7 +109,7 @@ class AgentReports:
             keep_newest(collected, _MOST_MEASUREMENTS)
 
     def fix_rate(self, name: str) -> float | None:
-        """Accepted fixes per second of scenario time, as far as they were reported [Hz].
+        """Reported accepted fixes per second of scenario time [Hz].
 
         Args:
             name: of the robot.
@@ -120,7 +120,7 @@ class AgentReports:
 
 @dataclass(slots=True)
 class SimulatorReports:
-    """What the simulator has reported, over all its lives: each begins its counts at zero.
+    """The reports of the simulator, over all its restarts; each restart begins its counts at zero.
 
     Attributes:
         min_separation: smallest distance between two robots' centres [m]; None before the first report of one.
@@ -139,7 +139,7 @@ class SimulatorReports:
         return self._before + self._now if self._epoch is not None else None
 
     def add(self, health: Health) -> None:
-        """Take a report.
+        """Add a report.
 
         Args:
             health: the report.

@@ -1,4 +1,4 @@
-"""The rows of a score sheet: what a value means, its unit and its decimals, declared once on the field itself.
+"""The rows of a score sheet: a value's definition, unit and decimals, declared once on its field.
 
 ::
 
@@ -18,12 +18,13 @@ from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a field of a score sheet is.
+    """A field of a score sheet.
 
     Args:
-        definition: what the value is. Of a nested table: what each of its rows is taken of, such as the median.
-        unit: such as ``m``; empty for a plain number. A nested table's holds for its rows without a unit.
-        digits: decimals that the value, or every value of a nested table, is rounded to; None for all of them.
+        definition: definition of the value. For a nested table: the quantity of which its rows give, for example, the
+            median.
+        unit: such as ``m``; empty for a plain number. That of a nested table applies to its rows without a unit.
+        digits: decimals to which the value, or every value of a nested table, is rounded; None for no rounding.
         by: what the keys of a mapping name, such as ``robot``.
     """
 
@@ -34,7 +35,7 @@ class Row:
 
 
 class Table:
-    """Base of the frozen dataclasses that a score sheet is made of. Numbers are rounded as their rows say."""
+    """Base of the frozen dataclasses of a score sheet. Numbers are rounded to the digits of their rows."""
 
     __slots__ = ()
 
@@ -53,7 +54,7 @@ class Definition(NamedTuple):
 
 
 def definitions(kind: type[Table], path: str = "", parent: Row | None = None) -> Iterator[Definition]:
-    """Every key of a table, those of nested tables included, in order.
+    """Every key of a table, including those of nested tables, in order.
 
     Args:
         kind: the table's class.
@@ -77,7 +78,7 @@ def definitions(kind: type[Table], path: str = "", parent: Row | None = None) ->
 
 
 def as_json(value: Any) -> Any:
-    """A table as JSON has it.
+    """A table as plain JSON values.
 
     Args:
         value: a table, or a value in one.

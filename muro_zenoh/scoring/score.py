@@ -1,4 +1,4 @@
-"""From what was seen of a run to its score sheet. Pure."""
+"""Computes the score sheet from the data observed in a run. Pure."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
     """The score sheet of a run.
 
     Args:
-        seen: what was seen of it.
-        checks: what it must meet, and over how long its errors are judged.
+        seen: the data observed in it.
+        checks: the limits that it must meet, and the window in which errors are evaluated.
     """
-    asked = seen.asked
+    expected = seen.expected
     window = [s for s in seen.samples if s.t > seen.duration - checks.window - 1e-6]
     radius = _radius_errors(seen, window)
     tracks = {n: [Moment(s.t, s.bodies[n]) for s in seen.samples if n in s.bodies] for n in seen.robots}
-    goals = {name: score_goals(rows, tracks[name]) for name, rows in asked.goals.items()}
+    goals = {name: score_goals(rows, tracks[name]) for name, rows in expected.goals.items()}
     results = [goal for of_robot in goals.values() for goal in of_robot]
     tracked = {name: score_tracking(paths, tracks[name]) for name, paths in seen.paths.items() if paths}
     density = None
-    if asked.importance is not None and window:
+    if expected.importance is not None and window:
         positions = [p for s in window for p in s.positions.values()]
-        density = density_error(positions, window[-1].circle, asked.importance)
+        density = density_error(positions, window[-1].circle, expected.importance)
     reached = sum(1 for goal in results if goal.reached_s is not None)
     sheet = ScoreSheet(
         scenario=seen.scenario,
@@ -89,7 +89,7 @@ def _stopped_time(seen: Observed, name: str) -> float:
 
 def _radius_errors(seen: Observed, window: list[Sample]) -> dict[str, list[float]]:
     errors: dict[str, list[float]] = {name: [] for name in seen.robots}
-    if seen.asked.follows_circle:
+    if seen.expected.follows_circle:
         for sample in window:
             for name, position in sample.positions.items():
                 errors[name].append(radius_error(position, sample.circle))
@@ -97,30 +97,30 @@ def _radius_errors(seen: Observed, window: list[Sample]) -> dict[str, list[float
 
 
 def _spacing_errors(seen: Observed, window: list[Sample]) -> list[float]:
-    if not seen.asked.spreads:
+    if not seen.expected.spreads:
         return []
     return [spacing_error(s.positions, s.circle) for s in window if len(s.positions) == len(seen.robots)]
 
 
 def _settle_time(seen: Observed) -> float | None:
-    if not seen.asked.follows_circle:
+    if not seen.expected.follows_circle:
         return None
-    return settle_time([(s.t, within_bands(s, len(seen.robots), spread=seen.asked.spreads)) for s in seen.samples])
+    return settle_time([(s.t, within_bands(s, len(seen.robots), spread=seen.expected.spreads)) for s in seen.samples])
 
 
 def _peak_speed_ratio(seen: Observed, tracked: list[Tracked]) -> float | None:
-    """The slowest robot's peak over the speed on arcs; not known while one robot's is not."""
+    """The slowest robot's peak speed over the speed on arcs; None when that of any robot is unknown."""
     peaks = [robot.peak for robot in tracked if robot.peak is not None]
-    if seen.asked.v_min is None or not len(peaks) == len(tracked) == len(seen.robots):
+    if seen.expected.v_min is None or not len(peaks) == len(tracked) == len(seen.robots):
         return None
-    return min(peaks) / seen.asked.v_min
+    return min(peaks) / seen.expected.v_min
 
 
 def _coverage(seen: Observed) -> Coverage:
-    if seen.asked.deployment is None:
+    if seen.expected.deployment is None:
         return Coverage(None, None, None, None, 0)
     fleet = [(s.t, s.bodies) for s in seen.samples]
-    return Coverage(*score_deployment(seen.asked.deployment, fleet, len(seen.robots)))
+    return Coverage(*score_deployment(seen.expected.deployment, fleet, len(seen.robots)))
 
 
 def _truth_known(seen: Observed) -> float:

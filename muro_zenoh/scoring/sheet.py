@@ -17,11 +17,11 @@ from muro_zenoh.scoring.spread import DelaySpread, ErrorSpread
 
 @dataclass(frozen=True, slots=True)
 class Calibration(Table):
-    """A robot's drive calibration, found and true."""
+    """A robot's drive calibration, estimated and true."""
 
-    cal0: Annotated[float | None, Row("the factor on omega that was found, at the end", digits=4)]
+    cal0: Annotated[float | None, Row("the estimated factor on omega, at the end", digits=4)]
     calD: Annotated[  # noqa: N815 - the channel's name
-        float | None, Row("the factor on v that was found, at the end", digits=4)
+        float | None, Row("the estimated factor on v, at the end", digits=4)
     ]
     true_cal0: Annotated[float | None, Row("one over the simulator's hidden scale of omega", digits=4)]
     true_calD: Annotated[float | None, Row("one over the simulator's hidden scale of v", digits=4)]  # noqa: N815
@@ -33,13 +33,13 @@ class Calibration(Table):
 
 @dataclass(frozen=True, slots=True)
 class ProcessUse(Table):
-    """A process's use of the machine."""
+    """Processor time and memory of a process."""
 
     cpu_percent: Annotated[
         float | None,
         Row(
             "processor time, user and system, of one core, in scenario time, over all restarts of the process (up "
-            "to the last second before it dies is missed)",
+            "to one second before it dies is not counted)",
             "%",
             2,
         ),
@@ -57,21 +57,21 @@ class ProcessUse(Table):
 
 @dataclass(frozen=True, slots=True)
 class CheckResult(Table):
-    """A check that the scenario makes, and how it came out."""
+    """A check that the scenario makes, and its result."""
 
-    value: Annotated[float | None, Row("what was reached")]
-    limit: Annotated[float, Row("what the scenario asks for")]
-    passed: Annotated[bool, Row("whether it is met; a value that is not known does not meet a check")]
+    value: Annotated[float | None, Row("the value reached")]
+    limit: Annotated[float, Row("the scenario's limit")]
+    passed: Annotated[bool, Row("whether it is met; an unknown value does not meet a check")]
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreSheet(Table):
-    """What a run was worth. Its fields are the keys of ``report.json``, in their order."""
+    """The score sheet of a run. Its fields are the keys of ``report.json``, in their order."""
 
     scenario: Annotated[str, Row("the scenario's name")]
-    robots: Annotated[int, Row("how many robots")]
-    duration_s: Annotated[float, Row("scenario time that passed", "s", 2)]
-    seed: Annotated[int | None, Row("the simulator's: starts, hidden drive errors, noise")]
+    robots: Annotated[int, Row("number of robots")]
+    duration_s: Annotated[float, Row("elapsed scenario time", "s", 2)]
+    seed: Annotated[int | None, Row("the simulator's seed, for starts, hidden drive errors and noise")]
     ended: Annotated[
         str,
         Row(
@@ -81,7 +81,7 @@ class ScoreSheet(Table):
     settle_time_s: Annotated[
         float | None,
         Row(
-            f"the first scenario time from which on, for at least {SETTLED_FOR:g} s, no sample has a robot more than "
+            f"the first scenario time from which, for at least {SETTLED_FOR:g} s, no sample has a robot more than "
             f"{RADIUS_BAND:g} m off the circle or (if the robots are to spread evenly) a spacing error above "
             f"{SPACING_BAND:g} rad, and every robot's truth is known; `null` when there is none, and unless the robots "
             "are to follow the circle",
@@ -104,22 +104,24 @@ class ScoreSheet(Table):
     spacing_error_rad: Annotated[
         ErrorSpread,
         Row(
-            "the largest \\|gap - 2 pi / N\\| between neighbours round the circle's centre, N all robots of the "
+            "the largest \\|gap - 2 pi / N\\| between neighbours around the circle's centre, N all robots of the "
             "scenario, over the samples of the window in which every robot's truth is known; 0 for one robot; the same "
             "for both directions of travel; `null` unless the robots are to spread evenly",
             "rad",
             5,
         ),
     ]
-    goals_asked: Annotated[int, Row("how many goals the scenario asks of its robots (`[goals]`)")]
+    goals_asked: Annotated[int, Row("number of goals in the scenario (`[goals]`)")]
     goals_reached: Annotated[
         int,
         Row(
-            f"at how many of them their robot came to rest, within {NEAR:g} m, in their order; a robot that for at "
-            f"least {REST:g} s is slower than {STATIONARY_SPEED:g} m/s and {STATIONARY_TURNING_RATE:g} rad/s is at rest"
+            f"number of goals at which their robot came to rest, within {NEAR:g} m, in order; a robot is at rest when "
+            f"it is slower than {STATIONARY_SPEED:g} m/s and {STATIONARY_TURNING_RATE:g} rad/s for at least {REST:g} s"
         ),
     ]
-    goals_missed: Annotated[int | None, Row("`goals_asked` minus `goals_reached`; `null` when no goal was asked for")]
+    goals_missed: Annotated[
+        int | None, Row("`goals_asked` minus `goals_reached`; `null` when the scenario has no goals")
+    ]
     goal_distance_m: Annotated[
         float | None,
         Row("the largest distance from a goal of the robot at rest there; `null` when none was reached", "m", 4),
@@ -127,7 +129,7 @@ class ScoreSheet(Table):
     goal_heading_rad: Annotated[
         float | None,
         Row(
-            "the largest angle between the heading asked for at a goal and that of the robot at rest there; `null` "
+            "the largest angle between the heading of a goal and that of the robot at rest there; `null` "
             "when no goal with a heading was reached",
             "rad",
             4,
@@ -140,8 +142,8 @@ class ScoreSheet(Table):
     tracking_error_m: Annotated[
         ErrorSpread,
         Row(
-            "the distance of a robot from the path that it had last planned (`muro/path/<robot>`), over all robots and "
-            "samples in which the robot drove; `null` unless the robots plan paths",
+            "the distance of a robot from its newest planned path (`muro/path/<robot>`), over all robots and samples "
+            "in which the robot drove; `null` unless the robots plan paths",
             "m",
             5,
         ),
@@ -149,16 +151,16 @@ class ScoreSheet(Table):
     peak_speed_ratio: Annotated[
         float | None,
         Row(
-            "a robot's greatest true speed on a straight of its path over `v_min`, its speed on arcs; the smallest of "
-            "all robots'",
+            "a robot's maximum true speed on a straight of its path over `v_min`, its speed on arcs; the minimum over "
+            "all robots",
             digits=3,
         ),
     ]
     command_ratio: Annotated[
         float | None,
         Row(
-            "the largest forward or turning speed ever commanded (`muro/cmd_vel/<robot>`) over the robot's `v_max` or "
-            "`omega_max`; recorded only when there is a check of it",
+            "the largest commanded forward or turning speed (`muro/cmd_vel/<robot>`) over the robot's `v_max` or "
+            "`omega_max`; recorded only when a check needs it",
             digits=4,
         ),
     ]
@@ -229,13 +231,13 @@ class ScoreSheet(Table):
             by="robot",
         ),
     ]
-    restarts: Annotated[int, Row("processes that died and were started again")]
+    restarts: Annotated[int, Row("number of restarts of processes that died")]
     processes: Annotated[Mapping[str, ProcessUse], Row(by="process")]
     checks: Annotated[Mapping[str, CheckResult], Row(by="check")]
     passed: Annotated[
         bool | None,
         Row(
             "`false` when the run ended before its duration, a behaviour failed or ended before the run did, or a "
-            "check is not met; else `true`, or `null` when the scenario makes no checks"
+            "check is not met; otherwise `true`, or `null` when the scenario makes no checks"
         ),
     ]

@@ -1,4 +1,4 @@
-"""How values are spread: a few percentiles, as part of a score sheet. Pure."""
+"""Distributions of values as a few percentiles, for a score sheet. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from muro_zenoh.scoring.rows import Row, Table
 
 
 def percentile(values: Sequence[float], percent: float) -> float | None:
-    """A percentile, linear between the two nearest ranks; None of nothing.
+    """A percentile, linear between the two nearest ranks; None without values.
 
     Args:
         values: in any order.
@@ -23,7 +23,7 @@ def percentile(values: Sequence[float], percent: float) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class ErrorSpread(Table):
-    """How errors are spread."""
+    """Distribution of errors."""
 
     p50: Annotated[float | None, Row("median")]
     p95: Annotated[float | None, Row("95th percentile")]
@@ -31,7 +31,7 @@ class ErrorSpread(Table):
 
     @classmethod
     def of(cls, values: Sequence[float]) -> ErrorSpread:
-        """The spread of some errors; nothing is known of none.
+        """The distribution of errors; all None without values.
 
         Args:
             values: in any order.
@@ -41,14 +41,14 @@ class ErrorSpread(Table):
 
 @dataclass(frozen=True, slots=True)
 class DelaySpread(Table):
-    """How delays are spread."""
+    """Distribution of delays."""
 
     p50: Annotated[float | None, Row("median")]
     p99: Annotated[float | None, Row("99th percentile")]
 
     @classmethod
     def of_seconds(cls, values: Sequence[float]) -> DelaySpread:
-        """The spread of some delays in milliseconds; nothing is known of none.
+        """The distribution of delays in milliseconds; all None without values.
 
         Args:
             values: in any order [s].

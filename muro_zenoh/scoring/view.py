@@ -1,4 +1,4 @@
-"""A run at one moment, from what was collected of it so far: what the live table shows."""
+"""The state of a run at one moment, for the live table."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from muro_zenoh.scoring.observed import Calibrated
 
 
 class RobotRow(NamedTuple):
-    """One robot in the table; None is not known.
+    """One robot in the table; None is unknown.
 
     Attributes:
         name: of the robot.
-        state: in a word.
-        reasons: why it is not driving.
-        pose_age: median since the last health [s].
-        distance: from the circle [m].
-        gap: to the next robot in the direction of travel [rad].
+        state: in one word.
+        reasons: why it does not drive.
+        pose_age: median since the previous health message [s].
+        distance: distance from the circle [m].
+        gap: gap to the next robot in the direction of travel [rad].
         command_rate: commands per second [Hz].
-        calibrated: what was found of its drive.
+        calibrated: its estimated drive calibration.
     """
 
     name: str
@@ -40,11 +40,11 @@ class View(NamedTuple):
 
     Attributes:
         t: scenario time [s].
-        duration: how long the run takes [s].
+        duration: duration of the run [s].
         rows: one per robot.
-        radius_error: the largest [m]; None while a robot's truth is not known.
-        spacing_error: [rad]; the same.
-        restarts: of processes.
+        radius_error: the largest radius error [m]; None while the true position of a robot is unknown.
+        spacing_error: the spacing error [rad]; likewise.
+        restarts: number of process restarts.
     """
 
     t: float
@@ -56,16 +56,16 @@ class View(NamedTuple):
 
 
 def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
-    """A run as it is now.
+    """The state of a run now.
 
     Args:
-        collector: what was seen of it.
+        collector: the collected data.
         scenario: its robots and its duration.
-        restarts: of processes.
+        restarts: number of process restarts.
     """
-    sample, asked = collector.latest, collector.asked
-    # Robots that are asked for nothing may circle, too: their behaviour is the user's own, or is changed later.
-    circling = not (asked.goals or asked.v_min or asked.deployment)
+    sample, expected = collector.latest, collector.expected
+    # Robots without expectations may circle, too: their behaviour is the user's own, or is changed later.
+    circling = not (expected.goals or expected.v_min or expected.deployment)
     gaps = gaps_ahead(sample.positions, sample.circle)
     rows = []
     for name in scenario.robots:

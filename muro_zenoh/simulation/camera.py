@@ -1,8 +1,8 @@
-"""The picture that an overhead camera takes of the robots: the stand-in for a real one.
+"""A simulated overhead camera's picture of the robots.
 
-Metres become pixels here and nowhere else in the simulation; the inverse belongs to ``basestation.localization``. The
-picture has what a tag detector has to live with: an uneven floor, dark bodies, optical blur, sensor noise, and tags
-cut by the picture's edge.
+Metres are converted to pixels here and nowhere else in the simulation; the inverse is in ``basestation.localization``.
+The picture has what makes tag detection hard: an uneven floor, dark bodies, optical blur, sensor noise, and tags cut by
+the picture's edge.
 
 In OpenCV an integer coordinate is the centre of a pixel: a texture of n texels reaches from -0.5 to n - 0.5.
 """
@@ -26,14 +26,14 @@ Picture = NDArray[np.uint8]
 BODY: Final = 75
 """Grey level of a robot's top."""
 MARK: Final = 135
-"""Grey level of the mark that shows people where forwards is."""
+"""Grey level of the mark that shows the forward direction."""
 FLOOR: Final = 165
 """Mean grey level of the floor."""
 
 _SHIFT = 4  # binary places of the sub-pixel coordinates that fillConvexPoly takes
 _BANK = 96  # a noise crop starts at one of 96 rows and columns: 9216 different frames
 _NOWHERE = -1e3  # a coordinate outside every picture [px]
-_RIM = 4  # pixels round a robot that the blur may reach
+_RIM = 4  # margin around a robot for the blur [px]
 
 
 class _Box(NamedTuple):
@@ -49,20 +49,20 @@ class OverheadCamera:
     """Renders grey pictures of robots with tags.
 
     A tag is drawn through the homography of its own four corners, so that its edges are exact to hundredths of a pixel.
-    All tags are taken to lie in the one plane that ``homography`` maps.
+    All tags are assumed to be in the one plane that ``homography`` maps.
 
     Args:
         width: of the picture [px].
         height: of the picture [px].
-        homography: (3, 3), from homogeneous metres [world] to homogeneous pixels, the third of which is positive for
-            what lies before the camera.
+        homography: (3, 3), from homogeneous metres [world] to homogeneous pixels; the third component is positive in
+            front of the camera.
         family: name of the tags' dictionary in OpenCV, such as ``DICT_4X4_50``.
         blur: standard deviation of the optics' blur on robots and tags [px].
         noise: standard deviation of the sensor's noise [grey levels]; 0 for none.
         seed: of the floor's speckle and of the noise; one camera's seed gives one floor.
 
     Raises:
-        ValueError: an unknown family, a size or a matrix that cannot be a camera's.
+        ValueError: an unknown family, an invalid size or matrix.
     """
 
     def __init__(
@@ -106,32 +106,32 @@ class OverheadCamera:
         noise: float = 2.5,
         seed: int = 0,
     ) -> OverheadCamera:
-        """A camera that sees given places at given pixels.
+        """A camera that sees given points at given pixels.
 
         Args:
             width: of the picture [px].
             height: of the picture [px].
-            views: at least four, of which no three in a line; more are fitted by least squares.
+            views: at least four, no three of them collinear; more are fitted by least squares.
             family: name of the tags' dictionary in OpenCV.
             blur: standard deviation of the optics' blur [px].
             noise: standard deviation of the sensor's noise [grey levels].
             seed: of the floor and the noise.
 
         Raises:
-            ValueError: fewer than four views, or views that fix no homography.
+            ValueError: fewer than four views, or views that do not determine a homography.
         """
         if len(views) < 4:
             raise ValueError(f"{len(views)} views, expected at least 4")
         table = np.array(views, dtype=np.float64)
         found, _ = cv2.findHomography(table[:, 2:], table[:, :2])
         if found is None:
-            raise ValueError("the views fix no homography: three of four in a line, or all in one place")
+            raise ValueError("the views do not determine a homography: three of four are collinear, or all coincide")
         matrix = np.asarray(found, dtype=np.float64)
         matrix *= math.copysign(1.0, float((table[:, 2:] @ matrix[2, :2] + matrix[2, 2]).mean()))
         return cls(width, height, matrix, family=family, blur=blur, noise=noise, seed=seed)
 
     def project(self, points: Array) -> Array:
-        """Where places are seen.
+        """Project points into the picture.
 
         Args:
             points: (..., 2) [m, world].
@@ -143,12 +143,12 @@ class OverheadCamera:
         return homogeneous[..., :2] / homogeneous[..., 2:]
 
     def tag_corners(self, pose: Array, mount: TagMount, border: float = 0.0) -> Array:
-        """Where a tag's corners are seen when its robot is at a pose.
+        """A tag's corners in the picture, for a pose of its robot.
 
         Args:
             pose: (3,) x [m], y [m], theta [rad] of the base frame in the world.
             mount: the tag on the robot.
-            border: this much more on each side [m].
+            border: margin on each side [m].
 
         Returns:
             (4, 2) [px]: as printed, the upper left corner, then clockwise.
@@ -170,15 +170,15 @@ class OverheadCamera:
             (height, width) of uint8.
 
         Raises:
-            ValueError: not as many mounts or radii as poses, or a tag that the family does not have.
+            ValueError: the numbers of mounts, radii and poses differ, or the family has no such tag.
         """
         if not len(poses) == len(mounts) == len(radii):
             raise ValueError(f"{len(poses)} poses, {len(mounts)} mounts, {len(radii)} radii, expected as many of each")
         shapes = self._shapes_of(mounts, radii)
         outlines = self._project_outlines(poses, shapes)
         papers = self._boxes_round(outlines[:, len(_BODY) :], rim=1)
-        # Everything is drawn on one picture of the floor, which is wiped afterwards where robots were: a few small
-        # copies in place of two of the whole picture.
+        # Everything is drawn on one picture of the floor, which is restored afterwards where robots were: a few small
+        # copies instead of two of the whole picture.
         scene = self._scene
         drawn = [box for box in self._boxes_round(outlines, rim=_RIM) if _is_seen(box)]
         try:
@@ -189,7 +189,7 @@ class OverheadCamera:
                 if _is_seen(box):
                     _draw_tag(_window(scene, box), texture, to_box)
             if self._blur > 0.0:
-                # From copies of the sharp scene, so that what lies in two boxes is not blurred twice.
+                # From copies of the sharp scene, so that overlapping boxes are not blurred twice.
                 for window, sharp in [(_window(scene, box), _window(scene, box).copy()) for box in drawn]:
                     cv2.GaussianBlur(sharp, (0, 0), self._blur, dst=window)
             return self._expose(scene, rng)
@@ -198,24 +198,24 @@ class OverheadCamera:
                 np.copyto(_window(scene, box), _window(self._floor, box))
 
     def _shapes_of(self, mounts: Sequence[TagMount], radii: Sequence[float]) -> _Shapes:
-        """What the robots look like, made anew only when they are others than in the last picture."""
+        """The robots' shapes; rebuilt only when the robots differ from those of the last picture."""
         if self._shapes is None or self._shapes.mounts != mounts or self._shapes.radii != radii:
             self._shapes = _Shapes(self._prints, list(mounts), list(radii))
         return self._shapes
 
     def _project_outlines(self, poses: Array, shapes: _Shapes) -> Array:
-        """Where the bodies and papers are seen (N, 47, 2) [px]; far outside the picture for a robot that cannot be."""
+        """Outlines of the bodies and papers (N, 47, 2) [px]; far outside for a robot that cannot be seen."""
         places = turned(shapes.outlines, poses[:, 2]) + poses[:, None, :2]
         homogeneous = places @ self.homography[:, :2].T + self.homography[:, 2]
         depths = homogeneous[..., 2]
         points = homogeneous[..., :2] / depths[..., None]
-        # A robot behind the camera, or so far out that OpenCV's fixed-point numbers would overflow, is not drawn.
+        # A robot behind the camera, or so far outside that OpenCV's fixed-point numbers would overflow, is not drawn.
         drawable = np.all(depths > 0.0, axis=1) & np.all(np.abs(points) < 1e5, axis=(1, 2))
         shown: Array = np.where(drawable.reshape(-1, 1, 1), points, _NOWHERE)
         return shown
 
     def _boxes_round(self, points: Array, rim: int) -> list[_Box]:
-        """The boxes round N groups of points (N, K, 2) [px], cut at the picture's edges."""
+        """The bounding boxes of N groups of points (N, K, 2) [px], clipped to the picture."""
         size = (self.width, self.height)
         low = np.clip(np.floor(points.min(axis=1)).astype(np.int64) - rim, 0, size)
         high = np.clip(np.ceil(points.max(axis=1)).astype(np.int64) + rim + 1, 0, size)
@@ -252,7 +252,7 @@ class OverheadCamera:
         return exposed
 
     def _draw_floor(self, rng: np.random.Generator) -> Picture:
-        """Light that falls off to the corners and from one side, and a speckle of two grain sizes."""
+        """Light that falls off towards the corners and one side, and a speckle of two grain sizes."""
         v, u = np.mgrid[0 : self.height, 0 : self.width].astype(np.float32)
         u, v = u / self.width - 0.5, v / self.height - 0.5
         floor: NDArray[np.float32] = FLOOR + 25.0 * u - 12.0 * v - 50.0 * (u * u + v * v)
@@ -264,7 +264,7 @@ class OverheadCamera:
         return drawn
 
     def _draw_noise(self, rng: np.random.Generator, noise: float) -> tuple[Picture, Picture] | None:
-        """What is added and what is taken away, as bytes: two saturating passes, and no signed arithmetic."""
+        """Noise to add and noise to subtract, as bytes: two saturating passes, no signed arithmetic."""
         if noise <= 0.0:
             return None
         shape = (self.height + _BANK, self.width + _BANK)
@@ -273,10 +273,10 @@ class OverheadCamera:
 
 
 class _Shapes:
-    """What does not change from picture to picture of some robots.
+    """What is constant between pictures of the same robots.
 
     Attributes:
-        mounts: their tags.
+        mounts: the robots' tags.
         radii: of their bodies [m].
         outlines: (N, 47, 2) bodies and papers in the base frames [m].
         textures: N, the tags' prints.
@@ -330,7 +330,7 @@ def encode_jpeg(picture: Picture, quality: int = 85) -> bytes:
 
 
 def _body(count: int) -> Array:
-    """A disc of radius 1 as a polygon, and a mark that points forwards: for people, who cannot read tags."""
+    """A disc of radius 1 as a polygon, and a mark that points forwards, for human viewers."""
     angles = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
     mark = ((0.72, 0.16), (0.95, 0.0), (0.72, -0.16))
     return np.concatenate((np.column_stack((np.cos(angles), np.sin(angles))), mark))

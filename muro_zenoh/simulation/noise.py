@@ -1,4 +1,4 @@
-"""Gaussian noise by the block."""
+"""Gaussian noise in blocks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BLOCK = 32_768
 def gaussian(rng: np.random.Generator, rows: int, n: int) -> Array:
     """Independent standard normal numbers (rows, n).
 
-    By Box and Muller (1958), a third of the time of numpy's own, which is a quarter of a rollout's.
+    By Box and Muller (1958): a third of the time of numpy's own generator, which took a quarter of a rollout's time.
 
     Args:
         rng: draws them.

@@ -1,6 +1,6 @@
-"""The robots themselves: unicycles on wheels that lag, err and slip.
+"""Simulated robots: unicycles whose wheels have lag, scale errors and slip.
 
-What the simulator's room is made of, and the lock-step rollout's. Bodies pass through each other; touching is counted.
+Used by the simulator process and by the lock-step rollout. Bodies pass through each other; contacts are counted.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ class Plant:
         rng: draws the hidden drive errors, then the slip.
         limits: the wheels, of all robots or one per robot.
         radius: of the bodies [m], of all robots or (N,).
-        drive_error: s_v and s_omega are uniform in 1 -+ this, and hidden from everyone but the score sheet.
+        drive_error: s_v and s_omega are uniform in 1 -+ this, and hidden from all but the score sheet.
         slip: standard deviation of distance [m/sqrt(m)], of the angle turned [rad/sqrt(rad)] and of the heading over a
             distance [rad/sqrt(m)].
-        count_contacts: whether to look at every pair of robots in every step; False for independent trials.
-        add_odometry: whether to add up the encoders' poses; their twists are there anyway.
+        count_contacts: whether to check every pair of robots in every step; False for independent trials.
+        add_odometry: whether to integrate the encoders' poses; their twists are always available.
 
     Raises:
-        ValueError: for shapes that do not fit, or a drive error outside [0, 1).
+        ValueError: inconsistent shapes, or a drive error outside [0, 1).
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Plant:
         self._fall: Array = np.array((limits.brake, limits.alpha_brake)).reshape(2, -1)
         self._lag = limits.lag
         self._slip = slip
-        # Row by row, x y theta of the truth and of what encoders of nominal wheels add up to: moved in one go.
+        # Rows: x y theta of the truth, then of the encoders' integrated pose; advanced together.
         bodies = 2 if add_odometry else 1
         self._state: Array = np.zeros((3, bodies, n))
         self._state[:, 0] = starts.T
@@ -73,9 +73,9 @@ class Plant:
         self.time: float = 0.0
         """Simulated time since the start [s]."""
         self.contacts: int = 0
-        """Episodes so far of two centres closer than the sum of the radii."""
+        """Number of episodes so far in which two centres were closer than the sum of the radii."""
         self.min_separation: float = float("inf")
-        """Least distance so far between two centres [m]; infinite for one robot."""
+        """Minimum distance so far between two centres [m]; infinite for one robot."""
         self._pairs = np.triu_indices(n if count_contacts else 0, k=1)
         radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (n,))
         self._touch = radii[self._pairs[0]] + radii[self._pairs[1]]
@@ -104,31 +104,31 @@ class Plant:
 
     @property
     def twist(self) -> Array:
-        """True speeds (N, 2): v [m/s], omega [rad/s], slip left out."""
+        """True speeds (N, 2): v [m/s], omega [rad/s], without slip."""
         return (self._scales[:, 0] * self._speeds).T
 
     @property
     def odometry_pose(self) -> Array:
-        """What encoders of nominal wheels add up to since the start (N, 3), in the frame of the first pose. A view.
+        """Integrated pose of nominal wheels' encoders since the start (N, 3), in the frame of the first pose. A view.
 
         Raises:
             ValueError: when ``add_odometry`` was False.
         """
         if self._state.shape[1] == 1:
-            raise ValueError("the encoders' poses are not added up in this plant: add_odometry was False")
+            raise ValueError("the encoders' poses are not integrated in this plant: add_odometry was False")
         return self._state[:, 1].T
 
     @property
     def odometry_twist(self) -> Array:
-        """What encoders of nominal wheels report now (N, 2): v [m/s], omega [rad/s]."""
+        """Twist from nominal wheels' encoders now (N, 2): v [m/s], omega [rad/s]."""
         return self._speeds.T
 
     def step(self, commands: Array, dt: float) -> None:
-        """Drive for ``dt`` under commands held meanwhile.
+        """Advance by ``dt`` under constant commands.
 
         Args:
             commands: (N, 2): v [m/s], omega [rad/s] for the nominal wheels.
-            dt: how long [s]; the speeds are taken as linear within it, so at most about 0.05 s.
+            dt: the step [s], at most about 0.05 s: the speeds are taken as linear within it.
         """
         speeds = follow(self._speeds, commands.T, self._grow, self._fall, self._lag, dt)
         nominal = (0.5 * dt) * (self._speeds + speeds)
@@ -143,18 +143,18 @@ class Plant:
         self._look()
 
     def place(self, robot: int, x: float, y: float, theta: float) -> None:
-        """Put one robot elsewhere, as a hand would: its encoders notice nothing.
+        """Move one robot to another pose, as if by hand: its encoders do not register it.
 
         Args:
-            robot: index.
-            x: where [m, world].
-            y: where [m, world].
+            robot: its index.
+            x: position [m, world].
+            y: position [m, world].
             theta: heading [rad].
         """
         self._state[:, 0, robot] = x, y, ARRAYS.wrap(np.float64(theta))
 
     def _look(self) -> None:
-        """Distances of all pairs: contacts begun in this step, and the least so far."""
+        """Update contacts and minimum distance from all pairs."""
         first, second = self._pairs
         if not len(first):
             return
@@ -167,7 +167,7 @@ class Plant:
 
 
 def _advance(state: Array, length: Array, turn: Array) -> None:
-    """Carry poses (3, ...) along arcs of ``length`` [m] that turn by ``turn`` [rad], in place."""
+    """Move poses (3, ...) along arcs of ``length`` [m] that turn by ``turn`` [rad], in place."""
     reach, cos, sin = chord(state[2], length, 0.5 * turn)
     state[0] += reach * cos
     state[1] += reach * sin
@@ -175,7 +175,7 @@ def _advance(state: Array, length: Array, turn: Array) -> None:
 
 
 def _stack(limits: WheelLimits | Sequence[WheelLimits] | None, n: int) -> WheelLimits:
-    """One WheelLimits for all robots: the one given, or arrays with an entry per robot."""
+    """One WheelLimits for all robots: the given one, or arrays with an entry per robot."""
     if limits is None:
         return WheelLimits()
     if isinstance(limits, WheelLimits):

@@ -1,4 +1,4 @@
-"""Places to start from."""
+"""Random start poses."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def random_starts(
     """Random poses that touch neither each other nor the walls.
 
     Args:
-        rng: draws them; the same seed gives the same starts.
-        n: how many.
+        rng: the generator; the same seed gives the same starts.
+        n: number of robots.
         bounds: the arena.
         radius: of the bodies [m], of all robots or (n,).
-        margin: least gap between two bodies, and between a body and a wall [m].
+        margin: minimum gap between two bodies, and between a body and a wall [m].
 
     Returns:
         (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
 
     Raises:
-        PlanningError: when the robots do not fit.
+        PlanningError: the robots do not fit.
     """
     radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (n,))
     width, height = bounds.width, bounds.height
@@ -58,7 +58,7 @@ def random_starts(
 
 
 def _lay_out(rng: np.random.Generator, bounds: Bounds, radii: Array, margin: float) -> Array:
-    """Poses one after the other, as many as find a place."""
+    """Poses placed one after the other, until one finds no free position."""
     poses = np.empty((len(radii), 3))
     for i, own in enumerate(radii):
         inside = bounds.shrunk(own + margin)

@@ -1,4 +1,4 @@
-"""Tags as they are printed and stuck on robots: their cells, their paper, their corners."""
+"""Tags as printed and mounted on robots: cells, paper, corners."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ BLACK: Final = 30
 WHITE: Final = 225
 """Grey level of a tag's paper."""
 TEXELS: Final = 8
-"""A cell's side in the texture: a cell is 4 to 10 pixels wide in use, so linear sampling hardly aliases."""
+"""A cell's side in the texture [texels]: a cell is 4 to 10 pixels wide in a picture, so linear sampling hardly aliases.
+"""
 QUIET: Final = 1
-"""Cells of white paper round a tag's black border."""
+"""Cells of white paper around a tag's black border."""
 SQUARE: Final = np.array(((-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)))
 """(4, 2) corners of a tag of side 2 in its own frame: as printed, the upper left one, then clockwise."""
 
@@ -52,7 +53,7 @@ class TagPrints:
             tag: its number.
 
         Raises:
-            ValueError: a number that the family does not have.
+            ValueError: the family has no such tag.
         """
         if tag not in self._textures:
             count = len(self._dictionary.bytesList)
@@ -66,12 +67,12 @@ class TagPrints:
 
 
 def corners_in_world(pose: Array, mount: TagMount, border: float = 0.0) -> Array:
-    """A tag's corners when its robot is at a pose.
+    """A tag's corners in the world, for a pose of its robot.
 
     Args:
         pose: (3,) x [m], y [m], theta [rad] of the base frame in the world.
         mount: the tag on the robot.
-        border: this much more on each side [m].
+        border: margin on each side [m].
 
     Returns:
         (4, 2) [m, world]: as printed, the upper left corner, then clockwise.
@@ -82,10 +83,10 @@ def corners_in_world(pose: Array, mount: TagMount, border: float = 0.0) -> Array
 
 
 def tag_dictionary(family: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of tags of a name.
+    """OpenCV's dictionary of tags by its name.
 
     Args:
-        family: such as ``DICT_4X4_50`` or ``DICT_APRILTAG_36h11``.
+        family: its name, such as ``DICT_4X4_50`` or ``DICT_APRILTAG_36h11``.
 
     Raises:
         ValueError: no such dictionary.
@@ -98,7 +99,7 @@ def tag_dictionary(family: str) -> cv2.aruco.Dictionary:
 
 
 def turned(points: Array, angle: Array) -> Array:
-    """Points turned counter-clockwise about the origin.
+    """Points rotated counter-clockwise about the origin.
 
     Args:
         points: (..., K, 2).

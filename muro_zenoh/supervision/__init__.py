@@ -1,1 +1,1 @@
-"""What runs a fleet as processes of this machine: children, restarts, their use of the machine."""
+"""Runs a fleet as processes on this machine: children, restarts, processor time and memory."""

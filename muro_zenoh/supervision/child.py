@@ -1,4 +1,4 @@
-"""A child process: its runs, its log, its end."""
+"""A child process: its runs, its log, its exit."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _TAIL_BYTES = 16384
 
 @dataclass(frozen=True, slots=True)
 class ChildSpec:
-    """What to start.
+    """A process to start.
 
     Attributes:
         name: of the process; its log is ``<name>.log``.
         command: program and arguments.
-        environment: its whole environment; the lifeline is added.
+        environment: its complete environment; the lifeline is added.
     """
 
     name: str
@@ -38,18 +38,18 @@ class Child:
     """A child process, over all its restarts.
 
     Args:
-        spec: what to start.
-        log: the file that each run appends its output to.
+        spec: the process to start.
+        log: the file to which each run appends its output.
         lifeline: reading end of the pipe that closes when the parent ends.
 
     Attributes:
-        spec: what to start.
+        spec: the process to start.
         log: the file of its output.
-        restarts: how often it was restarted.
-        pid: of the current run; None while it is not running.
-        ready: set while it is up.
-        was_ready: it has been up once.
-        stopping: it was asked to exit for good.
+        restarts: number of restarts.
+        pid: pid of the current run; None while it is not running.
+        ready: set while it is ready.
+        was_ready: whether it has been ready in any run.
+        stopping: whether it is being stopped and must not be restarted.
     """
 
     def __init__(self, spec: ChildSpec, log: Path, lifeline: int) -> None:
@@ -63,10 +63,10 @@ class Child:
         self._lifeline = lifeline
 
     async def run(self) -> tuple[int, list[str]]:
-        """Start it, and wait until it ends.
+        """Start it, and wait until it exits.
 
         Returns:
-            The exit code (minus the signal that ended it), and the last lines of its log.
+            The exit code (negative for a signal), and the last lines of its log.
         """
         with self.log.open("ab", buffering=0) as log:
             begin = log.tell()
@@ -80,7 +80,7 @@ class Child:
                     stdout=subprocess.PIPE,
                     stderr=log,
                     pass_fds=(self._lifeline,),
-                    # Ctrl-C in the terminal is for the parent alone, which ends its children in order.
+                    # Only the parent receives Ctrl-C from the terminal; it stops its children in order.
                     start_new_session=True,
                 )
             except OSError as error:
@@ -92,8 +92,8 @@ class Child:
             try:
                 await _end_of(process.pid)
             finally:
-                # What it started is killed with it, and when we are cancelled so is the child itself, the last resort.
-                # Before it is waited for, so that its pid cannot have been reused.
+                # Kill the processes that it started, and after a cancellation the child itself, as the last resort.
+                # Before waiting for it, so that its pid cannot have been reused.
                 self.kill()
                 code = process.wait()
                 self.pid = None
@@ -103,7 +103,7 @@ class Child:
         return code, _tail(self.log, begin)
 
     def terminate(self) -> None:
-        """Ask it to exit."""
+        """Send it SIGTERM."""
         if self.pid is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGTERM)
@@ -115,7 +115,7 @@ class Child:
                 os.killpg(self.pid, signal.SIGKILL)
 
     async def _listen(self, pipe: IO[bytes], log: IO[bytes]) -> None:
-        """Read its standard output: the ready line, and everything that it prints, for its log."""
+        """Read its standard output: detect the ready line, and copy everything to its log."""
         reader = asyncio.StreamReader()
         transport, _ = await asyncio.get_running_loop().connect_read_pipe(
             lambda: asyncio.StreamReaderProtocol(reader), pipe
@@ -131,7 +131,7 @@ class Child:
 
 
 def exit_description(code: int) -> str:
-    """How a process ended, in words."""
+    """A process's exit, in words."""
     if code < 0:
         with contextlib.suppress(ValueError):
             return f"was killed by {signal.Signals(-code).name}"
@@ -139,7 +139,7 @@ def exit_description(code: int) -> str:
 
 
 async def _end_of(pid: int) -> None:
-    """Wait until a child has ended, without reaping it; no thread, and no wait for its pipes as asyncio's own has."""
+    """Wait until a child has exited, without reaping it, without a thread and, unlike asyncio, without its pipes."""
     try:
         fd = os.pidfd_open(pid)
     except (AttributeError, OSError):  # not Linux, or a kernel before 5.3

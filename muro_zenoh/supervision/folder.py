@@ -1,4 +1,4 @@
-"""The folder that a run leaves: its settings, its score sheet, and a log per process."""
+"""The folder of a run: its settings, its score sheet, and a log per process."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def make_run_folder(scenario: str, root: Path = Path("runs")) -> Path:
         root: the folder of all runs.
 
     Raises:
-        ConfigError: it cannot be made.
+        ConfigError: it cannot be created.
     """
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario}"
     for attempt in range(1, _MAX_RUNS + 1):
@@ -41,7 +41,7 @@ def make_run_folder(scenario: str, root: Path = Path("runs")) -> Path:
 
 
 def write_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write a resolved scenario, as the processes of a run read it.
+    """Write the resolved scenario that the processes of a run read.
 
     Args:
         scenario: the scenario.

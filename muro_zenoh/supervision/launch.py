@@ -1,4 +1,4 @@
-"""The processes of a run: where they meet, and a command line for each."""
+"""The processes of a run: their router's endpoint, and a command line for each."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from muro_zenoh.supervision.supervisor import Supervisor
 
 HOST = "127.0.0.1"
 PORT = 7447
-"""Zenoh's own port."""
+"""Zenoh's default port."""
 
 _PORT_TRIES = 5
 
 
 def free_port(preferred: int = PORT) -> int:
-    """A port on which nobody listens: the preferred one, else any.
+    """A free port: the preferred one if possible.
 
     Args:
-        preferred: which to try first.
+        preferred: the port to try first.
     """
     for port in (preferred, 0):
         with socket.socket() as probe:
@@ -42,11 +42,11 @@ def free_port(preferred: int = PORT) -> int:
 
 
 def connected_to(scenario: Scenario, endpoint: str) -> Scenario:
-    """The scenario with every process a client of one router.
+    """The scenario with every process as a client of one router.
 
     Args:
         scenario: the scenario.
-        endpoint: where the router is.
+        endpoint: the router's endpoint.
     """
     bus = msgspec.structs.replace(scenario.bus, mode="client", connect=(endpoint,), listen=())
     return msgspec.structs.replace(scenario, bus=bus)
@@ -55,19 +55,19 @@ def connected_to(scenario: Scenario, endpoint: str) -> Scenario:
 async def start_all(
     supervisor: Supervisor, scenario: Scenario, seed: int, folder: Path
 ) -> tuple[Scenario, asyncio.Task[list[Child]]]:
-    """Start a router on the usual port, or on a free one when that is taken, and all others beside it.
+    """Start a router on the default port, or on a free one when that is taken, and all other processes.
 
-    They start together because most of a start is importing; a client waits for its router.
+    They start together because most of the start-up time is imports; a client waits for its router.
 
     Args:
-        supervisor: starts and keeps them.
+        supervisor: starts and restarts them.
         scenario: the scenario.
-        seed: of the simulator.
+        seed: the simulator's seed.
         folder: of the run; the scenario is written there.
 
     Returns:
-        The scenario with every process connected to the router, which is ready; and the task that ends when the others
-        are ready.
+        The scenario with every process connected to the router, which is ready; and the task that ends when all other
+        processes are ready.
 
     Raises:
         SupervisionError: a process does not start.
@@ -76,7 +76,7 @@ async def start_all(
         port = free_port(PORT)
         connected = connected_to(scenario, f"tcp/{HOST}:{port}")
         file = write_scenario(connected, folder)
-        # The router first, so that it is ended last.
+        # The router is started first, so that it is stopped last.
         routing = asyncio.create_task(supervisor.start([router_spec(file)]), name="start the router")
         others = asyncio.create_task(
             supervisor.start(fleet_specs(connected, file, seed, folder)), name="start the fleet"
@@ -89,7 +89,7 @@ async def start_all(
             await asyncio.wait({routing, others})
             for task in (routing, others):
                 if not task.cancelled():
-                    task.exception()  # retrieved; the one that counts is raised here
+                    task.exception()  # retrieved; only the relevant one is raised here
             # Another process may have taken the port between our check and the router's start.
             if isinstance(error, SupervisionError) and attempt < _PORT_TRIES and free_port(port) != port:
                 continue
@@ -105,18 +105,18 @@ def router_spec(file: Path) -> ChildSpec:
         file: the resolved scenario.
     """
     environment = _environment()
-    # The one thread that suits the others would keep a router from forwarding large messages.
+    # With the single thread of the other processes a router could not forward large messages.
     environment.pop("ZENOH_RUNTIME", None)
     return ChildSpec("router", muro_command("router", str(file)), environment)
 
 
 def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path) -> list[ChildSpec]:
-    """All processes of a run but the router: simulator, base station, an agent per robot.
+    """All processes of a run except the router: simulator, base station, an agent per robot.
 
     Args:
         scenario: the scenario.
-        file: where it was written.
-        seed: of the simulator.
+        file: the file of the scenario.
+        seed: the simulator's seed.
         folder: of the run.
     """
     environment = _environment()
@@ -129,18 +129,18 @@ def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path) -> list
 
 
 def muro_command(*arguments: str) -> tuple[str, ...]:
-    """The command line of a process of ours.
+    """The command line of one of our processes.
 
     Args:
-        arguments: as they are typed after ``muro``.
+        arguments: the arguments after ``muro``.
     """
-    # -P: a folder "agents" in the operator's current folder is not ours.
+    # -P: do not import from a folder "agents" in the operator's current folder.
     return sys.executable, "-P", "-m", "muro_zenoh", *arguments
 
 
 def _environment() -> dict[str, str]:
     environment = dict(os.environ)
-    # Matrices here are small; a pool of threads in every process would only cost memory and start-up time.
+    # The matrices are small; a thread pool in every process would only cost memory and start-up time.
     for library in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         environment.setdefault(library, "1")
     return environment

@@ -1,4 +1,4 @@
-"""What must hold before any process of a run is started."""
+"""Checks before any process of a run is started."""
 
 from __future__ import annotations
 
@@ -6,17 +6,16 @@ import importlib.util
 from pathlib import Path
 
 import muro_zenoh
-from agents.base.table import check_base
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config import Scenario, check_behaviour
 from muro_zenoh.errors import ConfigError
 
 
 def check_own_packages() -> None:
-    """Refuse packages of others under the names of ours, which are generic ones.
+    """Refuse foreign packages with the generic names of our packages.
 
     Raises:
-        ConfigError: ``agents`` or ``basestation`` is another distribution's, or missing.
+        ConfigError: ``agents`` or ``basestation`` belongs to another distribution, or is missing.
     """
     home = Path(muro_zenoh.__file__).resolve().parent.parent
     for name in ("agents", "basestation"):
@@ -36,17 +35,19 @@ def check_can_run(scenario: Scenario, file: str) -> None:
 
     Args:
         scenario: the scenario.
-        file: where it came from, for errors.
+        file: its file, for errors.
 
     Raises:
-        ConfigError: no camera, no such wheels or behaviour, or wrong parameters.
+        ConfigError: no camera, no such wheels or behaviour, or invalid parameters.
     """
+    from agents.base.table import check_base  # only after check_own_packages
+
     behaviour = scenario.behaviour
     if not scenario.camera and behaviour.name != DEFAULT:
         raise ConfigError(
             f"{file}: camera",
             got="none",
-            expected="a section [camera.<name>]: without poses every robot stands still",
+            expected="a section [camera.<name>], because no robot drives without poses",
         )
     for name in scenario.robots:
         check_base(scenario, name, file)

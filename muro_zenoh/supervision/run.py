@@ -1,4 +1,4 @@
-"""A run from its first process to its score sheet."""
+"""A run, from its first process to its score sheet."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ _USAGE_PERIOD = 1.0
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
-    """What to run.
+    """The settings of a run.
 
     Attributes:
         scenario: the scenario.
         folder: of the run.
-        seed: of the simulator.
-        connect: a router that runs elsewhere; None to start one.
+        seed: the simulator's seed.
+        connect: endpoint of a running router; None to start one.
     """
 
     scenario: Scenario
@@ -49,7 +49,7 @@ class RunSettings:
 
 
 class RunResult(NamedTuple):
-    """What came of a run.
+    """The result of a run.
 
     Attributes:
         sheet: the score sheet; None when not all processes became ready.
@@ -61,7 +61,8 @@ class RunResult(NamedTuple):
 
     @property
     def exit_code(self) -> int:
-        """Of ``muro run``: 130 when it was interrupted, 1 when it did not pass; else 0, though nothing was checked."""
+        """Exit code of ``muro run``: 130 when it was interrupted, 1 when it did not pass; 0 otherwise, also without
+        checks."""
         if self.interrupted:
             return INTERRUPTED
         return 1 if self.sheet is None or self.sheet.passed is False else 0
@@ -71,7 +72,7 @@ class Screen(Protocol):
     """Where a run is shown."""
 
     def notify(self, text: str) -> None:
-        """Say that something happened."""
+        """Show an event."""
         ...
 
     def show(self, view: View) -> None:
@@ -86,10 +87,10 @@ class Screen(Protocol):
 
 
 async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
-    """Run a fleet as processes of this machine, and leave its score sheet in the folder of the run.
+    """Run a fleet as processes on this machine, and write its score sheet to the folder of the run.
 
     Args:
-        settings: what to run.
+        settings: the settings of the run.
         screen: where it is shown.
     """
     scenario = settings.scenario
@@ -109,7 +110,7 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
 
 
 async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) -> ScoreSheet:
-    """From the first process to the score sheet; the supervisor ends the processes."""
+    """From the first process to the score sheet; the supervisor stops the processes."""
     began = asyncio.get_running_loop().time()
     scenario, starting = await _start(settings, supervisor, screen)
     try:
@@ -132,7 +133,7 @@ async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) ->
 async def _start(
     settings: RunSettings, supervisor: Supervisor, screen: Screen
 ) -> tuple[Scenario, asyncio.Task[list[Child]]]:
-    """Start every process; the scenario with the router's endpoint, and the task that ends when all are ready."""
+    """Start every process; return the scenario with the router's endpoint, and a task that ends when all are ready."""
     scenario, folder = settings.scenario, settings.folder
     if settings.connect is not None:
         scenario = launch.connected_to(scenario, settings.connect)
@@ -142,8 +143,8 @@ async def _start(
     endpoint = scenario.bus.connect[0]
     if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
         screen.notify(
-            f"port {launch.PORT} is taken, so this fleet has a router of its own on {endpoint}: "
-            f"reach it with --connect {endpoint}"
+            f"port {launch.PORT} is in use, so this fleet has its own router on {endpoint}: "
+            f"connect to it with --connect {endpoint}"
         )
     return scenario, starting
 
@@ -155,7 +156,7 @@ async def _watch(
     collector: Collector,
     collecting: asyncio.Task[None],
 ) -> ScoreSheet:
-    """From the moment at which all are ready to the score sheet."""
+    """From the moment when all are ready to the score sheet."""
     scenario, loop = settings.scenario, asyncio.get_running_loop()
     usage = UsageTable()
 
@@ -187,7 +188,7 @@ async def _watch(
             screen.show(view_of(collector, scenario, restarts()))
     except asyncio.CancelledError:
         ended = "interrupted"
-        screen.notify("interrupted: ending all processes; the score sheet covers the time until now")
+        screen.notify("interrupted: stopping all processes; the score sheet covers the time until now")
     finally:
         failing.cancel()
     elapsed = min(loop.time() - begin, scenario.duration)

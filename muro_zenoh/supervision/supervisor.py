@@ -1,8 +1,8 @@
-"""Child processes, kept alive: started, watched, restarted, and ended with their parent.
+"""Starts, watches, restarts and stops child processes; they exit with their parent.
 
-A child prints ``READY ...`` on its standard output when it is up, logs to its standard error, exits on SIGTERM, and
+A child prints ``READY ...`` on its standard output when it is ready, logs to its standard error, exits on SIGTERM, and
 exits when its lifeline (:data:`~muro_zenoh.runtime.process.LIFELINE`) closes. Only the parent holds the lifeline's
-writing end, so it closes however the parent ends.
+writing end, so it closes whenever the parent ends, for whatever reason.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class RestartPolicy:
     """When to restart a child, and when to give up.
 
     Attributes:
-        first_delay: before the first restart; it doubles with each death within ``window`` [s].
-        max_restarts: at most this many within ``window``; at the next death the child is given up.
-        window: deaths longer ago than this are forgotten [s].
+        first_delay: delay before the first restart; it doubles with each death within ``window`` [s].
+        max_restarts: maximum number of restarts within ``window``; at the next death the child is given up.
+        window: deaths longer ago than this are not counted [s].
         start_timeout: a child must be ready within this time [s].
-        stop_timeout: a child must exit within this time after SIGTERM, else it is killed [s].
+        stop_timeout: a child must exit within this time after SIGTERM, otherwise it is killed [s].
     """
 
     first_delay: float = 0.5
@@ -42,10 +42,10 @@ class RestartPolicy:
 
 
 class Supervisor:
-    """Keeps children alive as long as its ``async with`` block runs, and leaves none behind.
+    """Restarts children that die while its ``async with`` block runs, and stops all of them at its end.
 
     Args:
-        logs: the folder for a log per child.
+        logs: the folder for one log per child.
         notify: called with a line for the operator whenever a child dies or is restarted.
         policy: when to restart and when to give up.
     """
@@ -56,7 +56,7 @@ class Supervisor:
         self._policy = policy or RestartPolicy()
         self._groups: list[list[tuple[Child, asyncio.Task[None]]]] = []
         self._failed: asyncio.Future[SupervisionError] = asyncio.get_running_loop().create_future()
-        # Neither end is inherited unless it is passed on; the writing end never is.
+        # Neither end is inherited unless it is passed explicitly, and the writing end never is.
         self._lifeline, self._held = os.pipe()
 
     @property
@@ -65,10 +65,10 @@ class Supervisor:
         return [child for group in self._groups for child, _ in group]
 
     async def start(self, specs: Sequence[ChildSpec]) -> list[Child]:
-        """Start children side by side and wait until each is ready. The first that were started are ended last.
+        """Start children concurrently and wait until all are ready. Children started first are stopped last.
 
         Args:
-            specs: what to start.
+            specs: the processes to start.
 
         Raises:
             SupervisionError: one died before it was ready for the first time, or another child was given up.
@@ -91,7 +91,7 @@ class Supervisor:
             self._groups.remove(group)
             await self._end(group)
             if failed.done() and failed is self._failed:
-                self._failed = asyncio.get_running_loop().create_future()  # the next attempt starts afresh
+                self._failed = asyncio.get_running_loop().create_future()  # for the next attempt
             raise
         finally:
             all_ready.cancel()
@@ -100,11 +100,11 @@ class Supervisor:
         return [child for child, _ in group]
 
     async def failure(self) -> SupervisionError:
-        """Wait until a child is given up; the reason."""
+        """Wait until a child is given up; return the reason."""
         return await asyncio.shield(self._failed)
 
     async def close(self) -> None:
-        """End every child: SIGTERM, then SIGKILL; the last started first."""
+        """Stop every child, in reverse order of start: SIGTERM, then SIGKILL after the timeout."""
         groups, self._groups = self._groups, []
         try:
             for group in reversed(groups):

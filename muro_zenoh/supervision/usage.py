@@ -12,7 +12,7 @@ from muro_zenoh.scoring.sheet import ProcessUse
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a process has used.
+    """Processor time and memory of a process.
 
     Attributes:
         cpu: processor time since its start, user and system [s].
@@ -24,17 +24,17 @@ class Reading:
 
 
 def read_usage(pid: int) -> Reading | None:
-    """What a process has used so far; None when it is gone, or where there is no ``/proc``.
+    """The usage of a process so far; None when it has exited, or without ``/proc``.
 
     Args:
-        pid: of the process.
+        pid: pid of the process.
     """
     try:
         stat = Path(f"/proc/{pid}/stat").read_text()
         pages = Path(f"/proc/{pid}/statm").read_text().split()[1]
     except (OSError, IndexError):
         return None
-    # The second field is the program's name in brackets, and may hold anything; what follows is counted from there.
+    # The second field is the program's name in brackets and may contain anything; count the fields after it.
     fields = stat.rpartition(")")[2].split()
     ticks = int(fields[11]) + int(fields[12])
     return Reading(ticks / os.sysconf("SC_CLK_TCK"), int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6)
@@ -42,7 +42,7 @@ def read_usage(pid: int) -> Reading | None:
 
 @dataclass(slots=True)
 class Usage:
-    """One process's use of the machine over all its restarts.
+    """Processor time and memory of one process over all its restarts.
 
     Attributes:
         cpu: processor time since the first :meth:`note` [s].
@@ -54,11 +54,11 @@ class Usage:
     _runs: dict[int, float] = field(default_factory=dict)
 
     def note(self, pid: int, *, first: bool = False) -> None:
-        """Read again.
+        """Take a reading.
 
         Args:
-            pid: of the current run.
-            first: what it has used until now does not count.
+            pid: pid of the current run.
+            first: do not count what it has used until now.
         """
         reading = read_usage(pid)
         if reading is None:
@@ -70,13 +70,13 @@ class Usage:
 
 
 class UsageTable:
-    """Use of the machine by name, from a moment on."""
+    """Processor time and memory by process, since :meth:`begin`."""
 
     def __init__(self) -> None:
         self._of: dict[str, Usage] = {}
 
     def begin(self, processes: Iterable[tuple[str, int | None]]) -> None:
-        """Count from now on.
+        """Start counting.
 
         Args:
             processes: name and current pid of each.
@@ -88,7 +88,7 @@ class UsageTable:
                 usage.note(pid, first=True)
 
     def note(self, processes: Iterable[tuple[str, int | None]]) -> None:
-        """Read again; do so every second or so, since the numbers of a process that dies are lost.
+        """Take a reading; do so about every second, because what a process used after its last one is lost.
 
         Args:
             processes: name and current pid of each.
@@ -98,10 +98,10 @@ class UsageTable:
                 self._of.setdefault(name, Usage()).note(pid)
 
     def report(self, elapsed: float) -> dict[str, ProcessUse]:
-        """The use of the machine by process; nothing is known where there is no ``/proc``.
+        """Processor time and memory by process; all None without ``/proc``.
 
         Args:
-            elapsed: since :meth:`begin` [s].
+            elapsed: time since :meth:`begin` [s].
         """
         if not Path("/proc/self/stat").exists() or elapsed <= 0.0:
             return {name: ProcessUse(None, None) for name in self._of}

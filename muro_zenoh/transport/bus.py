@@ -30,7 +30,7 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
-from muro_zenoh.transport.inbox import Inbox
+from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.orders import Orders, nobody_answered
@@ -110,7 +110,7 @@ class Bus:
             name: whose; ``*`` for all names.
             own_only: take only what this process sends, so that no other process can speak for it.
         """
-        return self._subscribe(channel, name, Latest(*self._slot(channel, name)), own_only)
+        return self._subscribe(channel, name, Latest(self._slot(channel, name)), own_only)
 
     def every(self, channel: Channel[T], name: str = "", depth: int = 64) -> Every[T]:
         """A bounded queue of a name's messages, or of all names when ``name`` is ``*``.
@@ -120,15 +120,13 @@ class Bus:
             name: whose; ``*`` for all names.
             depth: how many wait at most; beyond, the oldest goes and is counted.
         """
-        return self._subscribe(channel, name, Every(*self._slot(channel, name), depth))
+        return self._subscribe(channel, name, Every(self._slot(channel, name), depth))
 
-    def _slot(
-        self, channel: Channel[T], name: str
-    ) -> tuple[type[T], int, Clock, asyncio.AbstractEventLoop, Counters, str, float]:
+    def _slot(self, channel: Channel[T], name: str) -> Slot[T]:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
         where = key_of(self.realm, channel, name)
-        return channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after
+        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()

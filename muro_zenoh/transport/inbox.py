@@ -11,15 +11,15 @@ import asyncio
 import logging
 import math
 import threading
-from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Generic, Self, TypeVar
+from abc import abstractmethod
+from typing import Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
 from muro_zenoh.messages import Message, check_encoding, check_size, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.delay import DelayTracker
+from muro_zenoh.transport.link import Declared
 from muro_zenoh.transport.received import Counters, Received
 
 log = logging.getLogger(__name__)
@@ -37,40 +37,42 @@ Filed = tuple[bytes, str | None, float]
 """Payload, encoding, arrival."""
 
 
-class Inbox(ABC, Generic[T]):
+class Slot(NamedTuple, Generic[T]):
+    """What a mailbox is put up for.
+
+    ``kind`` of its messages; ``prefix``: length of the key up to the name; ``clock`` for arrival times; ``loop``: where
+    it is read; ``counters``, shared by all mailboxes of a channel; ``where``: the key, for error messages;
+    ``stale_after``: age at which a message no longer counts [s], infinite where its stamp does not matter.
+    """
+
+    kind: type[T]
+    prefix: int
+    clock: Clock
+    loop: asyncio.AbstractEventLoop
+    counters: Counters
+    where: str
+    stale_after: float
+
+
+class Inbox(Declared, Generic[T]):
     """What :class:`Latest` and :class:`Every` share: filing, waking, counting.
 
     Args:
-        kind: the message type.
-        prefix: length of the key up to the name.
-        clock: for arrival times.
-        loop: where it is read.
-        counters: shared by all mailboxes of a channel.
-        where: the key, for error messages.
-        stale_after: age at which a message no longer counts [s]; where that is infinite, its stamp does not matter.
+        slot: what it is put up for.
         depth: raw samples of a key that wait for the loop at most.
     """
 
-    def __init__(
-        self,
-        kind: type[T],
-        prefix: int,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counters,
-        where: str,
-        stale_after: float,
-        depth: int,
-    ) -> None:
-        self._kind = kind
-        self._encoding = encoding_of(kind)
-        self._decode = decoder(kind)
-        self._prefix = prefix
-        self._now = clock.now
-        self._loop = loop
-        self._counters = counters
-        self._where = where
-        self._stale_after = stale_after
+    def __init__(self, slot: Slot[T], depth: int) -> None:
+        super().__init__()
+        self._kind = slot.kind
+        self._encoding = encoding_of(slot.kind)
+        self._decode = decoder(slot.kind)
+        self._prefix = slot.prefix
+        self._now = slot.clock.now
+        self._loop = slot.loop
+        self._counters = slot.counters
+        self._where = slot.where
+        self._stale_after = slot.stale_after
         self._depth = depth
         self._thread = threading.get_ident()
         self._lock = threading.Lock()
@@ -79,8 +81,6 @@ class Inbox(ABC, Generic[T]):
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
         self._episode = False
-        self._closers: list[Callable[[], None]] = []
-        self._closed = False
 
     # ---- from any thread
 
@@ -152,19 +152,6 @@ class Inbox(ABC, Generic[T]):
         return self
 
     __anext__ = next
-
-    def close(self) -> None:
-        """Undeclare it; a task that waits here gets a :class:`TransportError`."""
-        if self._closed:
-            return
-        self._closed = True
-        for close in self._closers:
-            close()
-        self._notify()
-
-    def on_close(self, close: Callable[[], None]) -> None:
-        """Have ``close`` called when the mailbox is closed."""
-        self._closers.append(close)
 
     def _wake(self) -> None:
         """Let the task that waits sort what was filed."""

@@ -5,6 +5,7 @@ A link carries bytes. It calls back on any thread; the callbacks only file and r
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
 
@@ -23,6 +24,32 @@ class Closable(Protocol):
     def close(self) -> None:
         """Undeclare it; a second time does nothing."""
         ...
+
+
+class Declared(ABC):
+    """Something declared on a link that tasks wait at, and what is to be done when it is closed."""
+
+    def __init__(self) -> None:
+        self._closers: list[Callable[[], None]] = []
+        self._closed = False
+
+    def on_close(self, close: Callable[[], None]) -> None:
+        """Have ``close`` called when this is closed."""
+        self._closers.append(close)
+
+    def close(self) -> None:
+        """Undeclare it; a task that waits here gets a :class:`~muro_zenoh.errors.TransportError`. A second time does
+        nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        for close in self._closers:
+            close()
+        self._notify()
+
+    @abstractmethod
+    def _notify(self) -> None:
+        """Wake the task that waits."""
 
 
 class LinkPublisher(Closable, Protocol):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import deque
 from typing import TypeVar
 
 from muro_zenoh.messages import Message
-from muro_zenoh.runtime.clock import Clock
-from muro_zenoh.transport.inbox import Filed, Inbox
-from muro_zenoh.transport.received import Counters, Received
+from muro_zenoh.transport.inbox import Filed, Inbox, Slot
+from muro_zenoh.transport.received import Received
 
 T = TypeVar("T", bound=Message)
 
@@ -17,19 +15,9 @@ T = TypeVar("T", bound=Message)
 class Latest(Inbox[T]):
     """Keeps the newest message of each key, and wakes its reader once for all that came in the meantime."""
 
-    def __init__(
-        self,
-        kind: type[T],
-        prefix: int,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counters,
-        where: str,
-        stale_after: float,
-        depth: int = 4,
-    ) -> None:
+    def __init__(self, slot: Slot[T], depth: int = 4) -> None:
         # depth: garbage behind a good message does not displace it, unless there is a lot of it
-        super().__init__(kind, prefix, clock, loop, counters, where, stale_after, depth)
+        super().__init__(slot, depth)
         self._newest: dict[str, Received[T]] = {}
         self._unread: dict[str, Received[T]] = {}
         self._unseen: set[str] = set()  # names whose newest was not read yet, by next() or get()
@@ -87,18 +75,8 @@ class Latest(Inbox[T]):
 class Every(Inbox[T]):
     """A bounded queue; when it is full the oldest goes, and is counted."""
 
-    def __init__(
-        self,
-        kind: type[T],
-        prefix: int,
-        clock: Clock,
-        loop: asyncio.AbstractEventLoop,
-        counters: Counters,
-        where: str,
-        stale_after: float,
-        depth: int = 64,
-    ) -> None:
-        super().__init__(kind, prefix, clock, loop, counters, where, stale_after, depth)
+    def __init__(self, slot: Slot[T], depth: int = 64) -> None:
+        super().__init__(slot, depth)
         self._queue: deque[Received[T]] = deque(maxlen=depth)
 
     def drain(self) -> list[Received[T]]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from muro_zenoh.errors import TransportError
 from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.link import Declared
 
 
 class Sample(NamedTuple):
@@ -22,26 +23,15 @@ class Sample(NamedTuple):
     arrival: float
 
 
-class _Waiting:
+class _Waiting(Declared):
     """One waiter, woken from any thread."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
         self._loop = loop
         self._event = asyncio.Event()
-        self._closers: list[Callable[[], None]] = []
-        self._closed = False
 
-    def on_close(self, close: Callable[[], None]) -> None:
-        """Have ``close`` called when this is closed."""
-        self._closers.append(close)
-
-    def close(self) -> None:
-        """Undeclare it; a second time does nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        for close in self._closers:
-            close()
+    def _notify(self) -> None:
         self._event.set()
 
     def _call(self, function: Callable[[], None]) -> None:
@@ -76,7 +66,7 @@ class Tap(_Waiting):
             wake = not self._awake
             self._awake = True
         if wake:
-            self._call(self._event.set)
+            self._call(self._notify)
 
     def __aiter__(self) -> Tap:
         return self
@@ -108,7 +98,7 @@ class Roster(_Waiting):
             self.alive.add(who)
         else:
             self.alive.discard(who)
-        self._event.set()
+        self._notify()
 
     def of(self, role: str) -> set[str]:
         """The names that are alive in a role."""

@@ -265,7 +265,9 @@ class ZenohLink:
                     key_expr,
                     handler,
                     allowed_origin=remote,
-                    history=zenoh.ext.HistoryConfig(max_samples=1, detect_late_publishers=True),
+                    # Each writer keeps one value. A limit here would be one for all the keys of a process together:
+                    # of the behaviours of five robots a late joiner would get only the newest.
+                    history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
                 )
             )
         return _Declared(self._session.declare_subscriber(key_expr, handler, allowed_origin=remote))

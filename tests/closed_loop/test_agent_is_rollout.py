@@ -68,7 +68,7 @@ class Agent:
 
 
 @pytest.mark.parametrize("name", [n for n in table.names() if n != table.DEFAULT])
-def test_both_command_the_same(name: str) -> None:
+def test_agent_and_rollout_give_the_same_commands(name: str) -> None:
     scenario = lab(name)
     names = scenario.robots
     rng = np.random.default_rng(5)

@@ -76,7 +76,7 @@ def test_leaves_the_centre(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["vector_field", "lqr"])
-def test_standing_still_it_turns_to_where_it_would_drive(name: str) -> None:
+def test_at_rest_it_turns_to_the_heading_it_would_drive_in(name: str) -> None:
     circle = Circle(0.0, 0.0, 0.6)
     x, y, theta = drive(circle_law(name), (np.full(9, 0.6), np.zeros(9), np.linspace(-3.0, 3.0, 9)), 0.0, circle, 10.0)
     np.testing.assert_allclose((x, y), (np.full(9, 0.6), np.zeros(9)))

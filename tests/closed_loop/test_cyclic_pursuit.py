@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.control.pursuit import PursuitLaw, pursue, pursuit_law, pursuit_speed
@@ -15,6 +16,7 @@ from muro_zenoh.control.ring import RingRobot, gaps_ahead
 from muro_zenoh.control.ring_arrays import array_gaps
 from muro_zenoh.elementwise import Array
 from muro_zenoh.geometry import Circle
+from muro_zenoh.simulation.rollout.yardstick import equal_spacing_bound
 
 TWO_PI = 2.0 * math.pi
 DT = 0.05
@@ -41,9 +43,8 @@ def test_every_law_spreads_a_bunch_evenly(name: str, seconds: float, clockwise: 
 
 
 def test_the_seeds_law_stalls_when_its_steady_speed_is_out_of_reach() -> None:
-    law = pursuit_law("proportional", gain=0.3)
+    law = pursuit_law("proportional", gain=0.3, v_max=0.4)
     gap, _, _ = array_gaps(spin(law, np.array([[0.0, 0.5]]), 1.1, False, 300.0), False)
-    assert 0.3 * 1.1 * math.pi > law.v_max
     assert np.abs(gap - math.pi).max() > 1.5
 
 
@@ -73,30 +74,48 @@ def test_the_seeds_discrete_form_converges_for_gains_between_0_and_1() -> None:
 
 
 def least_time_to_even(angles: Array, radius: float, v_min: float, v_max: float, tolerance: float) -> float:
-    """Least T by which the robots, in their order, can be evenly spaced within ``tolerance`` of each gap."""
+    """Least T in which robots, in their order, can have every gap within ``tolerance`` of even: a linear programme.
+
+    Of each robot's end, its angle less its place in an even ring, and of T.
+    """
     robots = angles.size
-    low, high = 0.0, 200.0
-    while high - low > 1e-3:
-        T = 0.5 * (low + high)
-        # Ends e_k within [a_k + v_min T / r, a_k + v_max T / r]; the exact even ring e_0 + 2 pi k / N.
-        offset = angles - TWO_PI / robots * np.arange(robots)
-        if (offset + v_min * T / radius).max() <= (offset + v_max * T / radius).min() + tolerance:
-            high = T
-        else:
-            low = T
-    return high
+    offset = np.sort(angles) - TWO_PI / robots * np.arange(robots)
+    one = np.eye(robots)
+    apart = np.roll(one, -1, axis=1) - one
+    rows = [
+        np.column_stack((-one, np.full(robots, v_min / radius))),
+        np.column_stack((one, np.full(robots, -v_max / radius))),
+        np.column_stack((apart, np.zeros(robots))),
+        np.column_stack((-apart, np.zeros(robots))),
+    ]
+    limits = np.concatenate((-offset, offset, np.full(2 * robots, tolerance)))
+    free = [(None, None)] * robots + [(0.0, None)]
+    found = linprog(np.append(np.zeros(robots), 1.0), A_ub=np.vstack(rows), b_ub=limits, bounds=free)
+    assert found.success
+    return float(found.x[-1])
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_the_bound_is_the_least_time_of_a_linear_programme(tolerance: float, clockwise: bool) -> None:
+    rng = np.random.default_rng(5)
+    for robots, spread in ((2, 1.0), (5, 3.0), (10, 1.0), (10, TWO_PI)):
+        angles = rng.uniform(0.0, spread, robots)
+        bound = equal_spacing_bound(-angles if clockwise else angles, clockwise, 1.1, 0.05, 0.4, tolerance)
+        assert bound == pytest.approx(least_time_to_even(angles, 1.1, 0.05, 0.4, tolerance), abs=1e-6)
 
 
 def test_two_gap_is_within_15_percent_of_the_bound_from_a_bunch() -> None:
     rng = np.random.default_rng(11)
-    radius, law = 1.1, pursuit_law()
+    radius, law = 1.1, pursuit_law(v_min=0.05, v_max=0.4)
     starts = np.sort(rng.uniform(0.0, math.pi / 3, (20, 10)), axis=1)
-    bounds = [least_time_to_even(row, radius, law.v_min, law.v_max, 0.0) for row in starts]
+    bounds = [least_time_to_even(row, radius, 0.05, 0.4, 0.1) for row in starts]
     last, now = np.zeros(20), starts
     for step in range(round(40.0 / DT)):
         gap, _, _ = array_gaps(now, False)
         last[np.abs(gap - TWO_PI / 10).max(axis=1) > 0.1] = (step + 1) * DT
         now = spin(law, now, radius, False, DT)
+    assert (last >= bounds).all()
     assert np.median(last / bounds) <= 1.15
 
 
@@ -124,7 +143,7 @@ def run_agents(
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_a_robot_leaves_and_the_rest_space_again_then_one_comes(clockwise: bool) -> None:
+def test_the_ring_spreads_again_when_a_robot_leaves_and_when_one_joins(clockwise: bool) -> None:
     circle = Circle(2.0, 1.5, 0.8, clockwise)
     names = ["r1", "r2", "r3", "r4", "r5"]
     angles = run_agents(circle, {n: 0.2 * k for k, n in enumerate(names)}, pursuit_law(), 30.0)

@@ -147,7 +147,7 @@ def test_random_dubins_paths_are_tracked_and_ended_within_tolerance() -> None:
     dtheta=st.floats(-1.0, 1.0),
     curvature=st.sampled_from([0.0, 1.0, -1.0, 2.5, -2.5]),
 )
-def test_a_robot_put_beside_the_path_comes_back_to_it(lateral: float, dtheta: float, curvature: float) -> None:
+def test_a_robot_beside_the_path_returns_to_it(lateral: float, dtheta: float, curvature: float) -> None:
     path = Path(Pose2(0.0, 0.0, 0.3), (Segment(2.0, curvature),))
     on = path.pose_at(0.2)
     start = Pose2(on.x - lateral * math.sin(on.theta), on.y + lateral * math.cos(on.theta), on.theta + dtheta)
@@ -183,6 +183,6 @@ def test_where_a_path_crosses_itself_it_goes_on_along_it() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"ka": 0.0}, {"zeta": math.nan}])
-def test_gains_that_cannot_be_are_refused(changes: dict[str, float]) -> None:
+def test_invalid_gains_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="above 0"):
         TrackingGains(**changes)

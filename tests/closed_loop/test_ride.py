@@ -59,7 +59,7 @@ def test_every_goal_away_from_the_walls_is_reached_from_anywhere(
     place: tuple[float, float], heading: float, goal: tuple[float, float], theta: float | None
 ) -> None:
     ridden = Ridden(Pose2(*place, heading), Destination(*goal, theta))
-    assert math.hypot(ridden.end.x - goal[0], ridden.end.y - goal[1]) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x - goal[0], ridden.end.y - goal[1]) <= 0.03
     assert theta is None or abs(wrap_to_pi(ridden.end.theta - theta)) <= 0.1
     inside = FLOOR.shrunk(RADIUS)
     assert all(inside.holds(p.x, p.y, slack=0.05) for p in ridden.poses[1:])
@@ -71,18 +71,18 @@ def test_a_robot_that_faces_a_wall_turns_on_the_spot_first(x: float, heading: fl
     pose = Pose2(x, 0.0, heading)
     ridden = Ridden(pose, Destination(0.0, 0.5))
     assert ridden.first.turning
-    assert math.hypot(ridden.end.x, ridden.end.y - 0.5) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x, ridden.end.y - 0.5) <= 0.03
     assert max(p.x for p in ridden.poses) <= max(x, FLOOR.x_max - RADIUS) + 0.02
 
 
-def test_who_need_not_turn_does_not() -> None:
+def test_without_need_there_is_no_turn_on_the_spot() -> None:
     assert not set_out(Pose2(0.0, 0.0, 0.0), Destination(1.0, 0.5), 0.0, SETTINGS).turning
 
 
 @pytest.mark.parametrize("side", [0.05, -0.05, 0.2, -0.2])
 def test_a_goal_inside_the_turning_circle_is_reached(side: float) -> None:
     ridden = Ridden(Pose2(0.0, 0.0, 0.0), Destination(0.0, side))
-    assert math.hypot(ridden.end.x, ridden.end.y - side) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x, ridden.end.y - side) <= 0.03
 
 
 def test_left_and_right_are_alike() -> None:
@@ -93,7 +93,7 @@ def test_left_and_right_are_alike() -> None:
         assert (b.x, b.y, b.theta) == pytest.approx((a.x, -a.y, -a.theta), abs=1e-9)
 
 
-def test_who_is_there_need_not_ride() -> None:
+def test_at_the_goal_there_is_no_ride() -> None:
     pose = Pose2(0.5, 0.5, 1.0)
     assert is_at(pose, Destination(0.505, 0.5), 0.01)
     assert not is_at(pose, Destination(0.52, 0.5), 0.01)
@@ -101,13 +101,13 @@ def test_who_is_there_need_not_ride() -> None:
     assert not is_at(pose, Destination(0.5, 0.5, -1.0), 0.01)
 
 
-def test_at_the_goal_in_another_heading_it_rides_round() -> None:
+def test_at_the_goal_with_another_heading_there_is_a_ride() -> None:
     ridden = Ridden(Pose2(0.0, 0.0, 0.0), Destination(0.0, 0.0, math.pi))
     assert abs(wrap_to_pi(ridden.end.theta - math.pi)) <= 0.1
-    assert math.hypot(ridden.end.x, ridden.end.y) <= SETTINGS.arrive_within
+    assert math.hypot(ridden.end.x, ridden.end.y) <= 0.03
 
 
-def test_who_is_carried_off_the_path_plans_anew() -> None:
+def test_a_robot_carried_off_its_path_plans_again() -> None:
     goal = Destination(1.2, 0.0)
     ride = set_out(Pose2(-1.0, 0.0, 0.0), goal, 0.0, SETTINGS)
     assert ride_on(ride, Pose2(-0.9, 0.14, 0.0), DT, SETTINGS).state == "on"
@@ -115,13 +115,13 @@ def test_who_is_carried_off_the_path_plans_anew() -> None:
     assert ride_on(ride, Pose2(-0.9, -0.16, 0.0), DT, SETTINGS).state == "off"
 
 
-def test_who_ends_beside_the_goal_has_not_arrived() -> None:
+def test_a_path_that_ends_beside_the_goal_is_planned_again() -> None:
     ride = set_out(Pose2(0.0, 0.0, 0.0), Destination(0.3, 0.0), 0.0, SETTINGS)
     assert ride_on(ride, Pose2(0.3, 0.02, 0.0), DT, SETTINGS).state == "arrived"
     assert ride_on(ride, Pose2(0.3, 0.05, 0.0), DT, SETTINGS).state == "off"
 
 
-def test_a_tighter_radius_is_taken_where_the_arena_asks_for_it() -> None:
+def test_a_tighter_radius_is_used_where_the_arena_requires_it() -> None:
     ride = set_out(Pose2(1.7, 0.0, 0.0), Destination(0.0, 0.1), 0.0, SETTINGS)
     assert not ride.turning
     assert abs(ride.path.segments[0].curvature) == pytest.approx(1 / (0.7 * 0.3))
@@ -134,14 +134,14 @@ def test_a_goal_outside_and_a_heading_that_only_a_wall_allows_are_refused() -> N
         set_out(Pose2(0.0, 0.0, 0.0), Destination(1.92, 1.32, -2.4), 0.0, SETTINGS)
 
 
-def test_turning_takes_the_short_way_and_ends() -> None:
+def test_turning_uses_the_shorter_direction_and_ends() -> None:
     path = set_out(Pose2(0.0, 0.0, 3.0), Destination(-1.0, 0.14), 0.0, SETTINGS).path
     assert turn_on_the_spot(path, Pose2(0.0, 0.0, 3.0)) == 0.0
     assert turn_on_the_spot(path, Pose2(0.0, 0.0, -3.0)) < 0.0
     assert turn_on_the_spot(path, Pose2(0.0, 0.0, 2.5)) > 0.0
 
 
-def test_rounds_begin_when_all_have_stood_and_again_when_nobody_goes() -> None:
+def test_rounds_begin_when_all_are_stationary_and_again_when_none_moves() -> None:
     turn, due = Round(), []
     for k in range(40):
         turn = next_round(k / 10, 5 <= k != 20, turn, 1.0)
@@ -150,7 +150,7 @@ def test_rounds_begin_when_all_have_stood_and_again_when_nobody_goes() -> None:
     assert due == [15, 31]
 
 
-def test_with_nobody_moving_a_round_begins_every_hold_time() -> None:
+def test_while_no_robot_moves_a_round_begins_every_hold_time() -> None:
     turn, due = Round(), []
     for k in range(35):
         turn = next_round(k / 10, True, turn, 1.0)

@@ -23,10 +23,10 @@ def test_the_default_circle_law_keeps_up_with_dubins() -> None:
         ("vector_field", True, "clean"),
         ("vector_field", True, "noisy"),
     ]
-    for row in rows:
-        median, p90 = convergence.GOALS[row["loop"]]
-        assert 0.8 < row["median"] <= median
+    for row, median, p90 in zip(rows, (1.03, 1.06), (1.07, 1.15), strict=True):
+        assert 1.0 < row["median"] <= median
         assert row["p90"] <= p90
+        assert 0.9 < row["median_full"] < row["median"]  # a path is in the band before it ends
         assert row["unsettled"] == 0
     noisy = rows[1]
     assert noisy["s_v_found_s"]["max"] <= 2.0
@@ -42,7 +42,7 @@ def test_the_seeds_law_is_slow() -> None:
 def test_the_default_pursuit_law_keeps_up_with_the_bound() -> None:
     for row in pursuit.measure(12, 25.0, ["two_gap"]):
         assert row["default"]
-        assert 1.0 <= row["median"] <= pursuit.GOAL
+        assert 1.0 <= row["median"] <= 1.15
         assert row["unsettled"] == 0
 
 
@@ -57,7 +57,7 @@ def test_the_default_pursuit_law_keeps_up_with_the_bound() -> None:
     ids=["150 ms late", "0.2 s wheels", "three times the noise", "30 Hz"],
 )
 @pytest.mark.parametrize("clockwise", [False, True])
-def test_the_default_circle_law_bears_a_worse_loop(settings: LoopSettings, clockwise: bool) -> None:
+def test_the_default_circle_law_tolerates_a_worse_loop(settings: LoopSettings, clockwise: bool) -> None:
     circle = Circle(2.1, 1.5, 0.6, clockwise)
     rng = np.random.default_rng(3)
     run = follow_circle(convergence.draw_starts(60), circle, circle_law(), 0.15, settings, rng, 25.0)
@@ -66,7 +66,7 @@ def test_the_default_circle_law_bears_a_worse_loop(settings: LoopSettings, clock
 
 
 @pytest.mark.slow
-def test_the_density_asked_for_comes_out_of_the_whole_loop() -> None:
+def test_the_whole_loop_achieves_the_desired_density() -> None:
     """36 bins over 180 s after settling, contrast 3: within 15 % (total variation), each trial by itself."""
     wanted = Importance.from_function(lambda angle: 2.0 + math.cos(angle - 1.0))
     assert wanted.contrast == pytest.approx(3.0, rel=1e-3)

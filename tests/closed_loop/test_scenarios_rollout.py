@@ -110,7 +110,7 @@ def test_coverage() -> None:
     assert found.rise <= 0.02
 
 
-def test_coverage_gathers_where_it_matters() -> None:
+def test_coverage_gathers_where_the_density_is_high() -> None:
     peak = ((1.0, 0.5, 0.6, 3.0),)
     begin, later = deployed(3, peak, 15.0), deployed(3, peak, 40.0)
     assert begin.cost is not None

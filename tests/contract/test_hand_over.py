@@ -12,7 +12,7 @@ from muro_zenoh.messages import (
     PoseFix,
 )
 from tests.contract.conftest import Network
-from tests.contract.helpers import linked, plain, speed, until
+from tests.contract.helpers import linked, odometry, plain, speed, until
 from tests.support.clock import ManualClock
 from tests.support.waiting import within
 
@@ -126,3 +126,18 @@ async def test_what_was_sent_is_stamped_once_and_the_callers_message_stays(netwo
     assert [velocity.put(mine).seq, velocity.put(mine).seq] == [1, 2]
     assert velocity.put(mine).stamp == 42.0
     assert mine == speed(1.0)
+
+
+async def test_what_is_handed_over_and_displaced_unread_is_counted(network: Network) -> None:
+    bus = await network.open()
+    newest, bounded = bus.latest(channels.VELOCITY, "r1"), bus.every(channels.ODOMETRY, "r1", depth=4)
+    velocity, odometer = bus.publisher(channels.VELOCITY, "r1"), bus.publisher(channels.ODOMETRY, "r1")
+    for i in range(10):
+        velocity.put(speed(i))
+        odometer.put(odometry(i))
+    assert bus.counters["velocity"].dropped == 9
+    assert bus.counters["odometry"].dropped == 6
+    assert (newest.get(), len(bounded.drain())) != (None, 0)
+    velocity.put(speed(10.0))
+    odometer.put(odometry(10.0))
+    assert (bus.counters["velocity"].dropped, bus.counters["odometry"].dropped) == (9, 6)  # the last ones were read

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import os
 import signal
 import sys
@@ -53,6 +54,18 @@ async def test_closing_ends_a_wait(network: Network, what: str) -> None:
         await within(2, waiting, "the end of the wait")
     with pytest.raises(TransportError, match="closed"):
         await box.next()
+
+
+async def test_what_is_closed_is_undeclared_once(network: Network) -> None:
+    bus = await network.open()
+    for declared in (bus.latest(channels.VELOCITY, "r1"), bus.tap(f"{network.realm}/**"), bus.roster()):
+        undone: list[str] = []
+        declared.on_close(functools.partial(undone.append, "once"))
+        assert undone == []
+        declared.close()
+        declared.close()
+        await asyncio.sleep(0)
+        assert undone == ["once"]
 
 
 async def test_closing_ends_the_wait_for_presence_and_samples(network: Network) -> None:

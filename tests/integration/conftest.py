@@ -1,4 +1,4 @@
-"""What no integration test may leave behind."""
+"""Checks that no integration test leaves tasks, threads or processes behind."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ PACKAGES = ("muro_zenoh", "agents", "basestation")
 
 
 class Recipe(NamedTuple):
-    """How one adds something: to ``file``, by the page's ``snippets``, each with its language."""
+    """A recipe for an addition: to ``file``, by the page's ``snippets``, each with its language."""
 
     file: str
     snippets: list[tuple[str, str]]
@@ -59,7 +59,7 @@ RECIPES = dict(recipes())
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """A copy of all that can be extended."""
+    """A copy of the packages and pages that can be extended."""
     for name in (*PACKAGES, "tests"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "docs").mkdir()

@@ -1,4 +1,4 @@
-"""kill -9 of the base station: nobody drives without it, and nothing that it keeps is lost."""
+"""kill -9 of the base station: no robot drives without it, and no kept state is lost."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ pytestmark = pytest.mark.slow
 CIRCLE = Circle(0.1, -0.05, 0.7, True)
 
 
-async def test_the_base_station_dies_and_comes_back(tmp_path: Path) -> None:
+async def test_the_base_station_is_killed_and_restarted(tmp_path: Path) -> None:
     async with real_fleet(tmp_path) as fleet:
-        await fleet.until(fleet.driving, 10, "everybody drives")
+        await fleet.until(fleet.driving, 10, "all drive")
         await fleet.ask(
             channels.SET_CIRCLE, SetCircle(x=CIRCLE.x, y=CIRCLE.y, radius=CIRCLE.radius, clockwise=CIRCLE.clockwise)
         )
         await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle", parameters={"speed": 0.15}))
         await fleet.ask(channels.STOP_ORDER, Stop(names=("r3",)))
-        await fleet.until(lambda: fleet.standing("r3"), 5, "r3 stands")
+        await fleet.until(lambda: fleet.stationary("r3"), 5, "r3 is stationary")
         await fleet.until(lambda: fleet.radius_error(("r1", "r2")) < 0.03, 20, "the new circle")
         await _who_drives_is_stopped_by_the_age_of_the_poses(fleet)
         await _it_goes_on_as_it_was(fleet)
@@ -34,7 +34,9 @@ async def test_the_base_station_dies_and_comes_back(tmp_path: Path) -> None:
 async def _who_drives_is_stopped_by_the_age_of_the_poses(fleet: RealFleet) -> None:
     fleet.commands(), fleet.wheels()
     killed = fleet.kill("basestation")
-    await fleet.until(lambda: fleet.says("r1", "no pose for") and fleet.says("r2", "no pose for"), 5, "they say why")
+    await fleet.until(
+        lambda: fleet.holds("r1", "no pose for") and fleet.holds("r2", "no pose for"), 5, "they report the reason"
+    )
     await fleet.until(lambda: fleet.bus.clock.now() - killed > 2.0, 5, "two seconds")
 
     # The stamps are the writers' clocks; on one machine they are one.
@@ -63,7 +65,7 @@ async def _it_goes_on_as_it_was(fleet: RealFleet) -> None:
     stop = fleet.stop.get()
     assert stop is not None
     assert (stop.message.all, stop.message.names) == (False, ("r3",))
-    await fleet.throughout(lambda: fleet.standing("r3"), 1.0, "r3 stands on")
+    await fleet.throughout(lambda: fleet.stationary("r3"), 1.0, "r3 stays stationary")
     await fleet.until(lambda: fleet.radius_error(("r1", "r2")) < 0.03, 15, "the same circle")
     resumed = fleet.muro("resume", "r3")
     assert resumed.returncode == 0, resumed.stdout + resumed.stderr
@@ -76,18 +78,18 @@ async def _a_stop_needs_no_base_station(fleet: RealFleet) -> None:
     stopped = fleet.muro("stop")
     assert stopped.returncode == 0, stopped.stdout + stopped.stderr
     assert "r1: has stopped\nr2: has stopped" in stopped.stdout
-    await fleet.until(fleet.standing, 3, "all stand")
-    fleet.start("r3")  # who was not there when the stop was given
-    await fleet.until(lambda: fleet.says("r3", "no stop state received yet"), 5, "r3 heard of nothing")
+    await fleet.until(fleet.stationary, 3, "all stand")
+    fleet.start("r3")  # it was not running when the stop was ordered
+    await fleet.until(lambda: fleet.holds("r3", "no stop state received yet"), 5, "r3 has received no stop state")
 
     fleet.commands()
     fleet.start("basestation")
-    await fleet.until(lambda: fleet.says("r3", "stopped by order (all robots)"), 10, "r3 hears of the stop")
+    await fleet.until(lambda: fleet.holds("r3", "stopped by order (all robots)"), 10, "r3 receives the stop")
     await fleet.until(lambda: fleet.number("basestation", "frames") > 20, 10, "robots are seen again")
-    await fleet.throughout(fleet.standing, 1.0, "nobody drives")
+    await fleet.throughout(fleet.stationary, 1.0, "none drives")
     turned = {c.name for c in fleet.commands() if (c.message.v, c.message.omega) != (0.0, 0.0)}
     assert turned == set(), "until an operator resumes, no command but zero"
 
     resumed = fleet.muro("resume")
     assert resumed.returncode == 0, resumed.stdout + resumed.stderr
-    await fleet.until(fleet.driving, 5, "everybody drives")
+    await fleet.until(fleet.driving, 5, "all drive")

@@ -1,4 +1,4 @@
-"""The table of channels against a fleet: who writes and reads what in it, and how often."""
+"""The table of channels compared with a fleet: writers, readers and rates."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LAB = parse_scenario(
     name="lab",
 )
 PERIODIC = [c for c in CHANNELS if c.rate is not None and c is not channels.CELL]
-"""What a fleet in pursuit writes all the time."""
+"""The channels that a fleet in pursuit writes continuously."""
 
 SETTLED, MEASURED = 3.0, 4.0
 """Virtual time before, and of, the measurement of rates [s]."""
@@ -47,7 +47,7 @@ PROCESSES = {
 
 
 class RecordingLink(MemoryLink):
-    """Remembers what is really written and read through it."""
+    """Records what is actually written and read through it."""
 
     def __init__(self, network: MemoryNetwork) -> None:
         super().__init__(network)
@@ -75,7 +75,7 @@ class _Recording:
 
 
 class Fleet:
-    """What was recorded of a fleet: in pursuit, on a circle, with a goal and in coverage, then stopped and resumed."""
+    """The record of a fleet: in pursuit, on a circle, with a goal and in coverage, then stopped and resumed."""
 
     def __init__(self) -> None:
         self.links: dict[str, RecordingLink] = {}
@@ -151,13 +151,13 @@ def test_a_process_writes_and_reads_what_the_table_says(fleet: Fleet, process: s
     assert fleet.reading(roles[0]) == table("readers", *roles)
 
 
-def test_peoples_tools_write_and_read_nothing_that_is_not_theirs(fleet: Fleet) -> None:
+def test_operators_tools_use_only_their_own_channels(fleet: Fleet) -> None:
     assert fleet.writing(Role.OPERATOR) == {"stop"}
     assert {"health", "truth", "circle", "stop"} <= fleet.reading(Role.OPERATOR) <= table("readers", Role.OPERATOR)
 
 
 @pytest.mark.parametrize("channel", PERIODIC, ids=lambda c: c.word)
-def test_the_rate_is_the_tables(fleet: Fleet, channel: Channel[Any]) -> None:
+def test_the_rates_are_those_of_the_table(fleet: Fleet, channel: Channel[Any]) -> None:
     rates = {key: rate for key, rate in fleet.rates.items() if key.split("/")[1] == channel.word}
     assert rates
     for key, rate in rates.items():

@@ -1,40 +1,27 @@
-"""Real agents that go to goals, on the in-memory bus in virtual time."""
+"""Real agents that drive to goals, on the in-memory bus in virtual time."""
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import Callable
 
 from muro_zenoh import channels
 from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour
-from muro_zenoh.runtime.virtual_time import run_virtually
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
 from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Bus
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
-
-Test = Callable[[], Coroutine[Any, Any, None]]
-
-
-def virtual(test: Test) -> Callable[[], None]:
-    """A test that runs in virtual time."""
-
-    def run() -> None:
-        run_virtually(test())
-
-    run.__name__, run.__doc__ = test.__name__, test.__doc__
-    return run
+from tests.support.virtual import virtual
 
 
 def distance(fleet: MemoryFleet, x: float, y: float, robot: int = 0) -> float:
-    """True distance of a robot from a place [m]."""
+    """True distance of a robot from a position [m]."""
     return math.hypot(fleet.plant.pose[robot, 0] - x, fleet.plant.pose[robot, 1] - y)
 
 
 def stands_at(fleet: MemoryFleet, x: float, y: float) -> Callable[[], bool]:
-    """Whether the first robot stands at a place."""
+    """Whether the first robot is stationary at a position."""
     return lambda: distance(fleet, x, y) < 0.05 and abs(fleet.plant.twist[0]).max() < 0.01
 
 
@@ -44,7 +31,7 @@ async def order(operator: Bus, goal: Goal) -> Reply:
 
 
 @virtual
-async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
+async def test_an_operators_goals_are_answered_reached_and_replaced() -> None:
     async with memory_fleet(scenario(1, "dubins")) as fleet:
         operator = await fleet.bus()
         paths = operator.every(channels.PATH, "r1")
@@ -52,7 +39,7 @@ async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
         assert (await order(operator, Goal(x=0.8, y=0.5, theta=1.0))).accepted
         await fleet.until(lambda: bool(fleet.driving), 1, "it drives")
         await asyncio.sleep(1.0)
-        # The goal moves; then one is refused, and the robot goes on.
+        # The goal is replaced; then one is refused, and the robot drives on.
         assert (await order(operator, Goal(x=-0.6, y=-0.4, theta=-2.0))).accepted
         refusal = await order(operator, Goal(x=-0.6, y=-1.4))
         assert not refusal.accepted
@@ -62,7 +49,7 @@ async def test_an_operators_goals_are_answered_gone_to_and_moved() -> None:
         assert not refusal.accepted
         assert "leaves the arena" in refusal.reason
         await fleet.until(stands_at(fleet, -0.6, -0.4), 40, "it is at the goal that moved")
-        await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "and says so")
+        await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "and reports it")
         assert abs(math.remainder(fleet.plant.pose[0, 2] + 2.0, math.tau)) < 0.17
         shown: list[PlannedPath] = [received.message for received in paths.drain()]
         assert len(shown) >= 2
@@ -105,7 +92,7 @@ async def test_a_behaviour_without_goals_refuses_them_and_so_does_a_robot_withou
 
 
 @virtual
-async def test_who_is_carried_away_plans_anew() -> None:
+async def test_a_robot_that_is_carried_away_plans_again() -> None:
     async with memory_fleet(scenario(1, "dubins", goals=((1.2, 0.7),))) as fleet:
         await fleet.until(lambda: bool(fleet.driving), 3, "it drives")
         await asyncio.sleep(1.0)
@@ -114,15 +101,17 @@ async def test_who_is_carried_away_plans_anew() -> None:
 
 
 @virtual
-async def test_a_goal_of_the_list_that_cannot_be_reached_is_said_and_the_next_gone_to() -> None:
+async def test_an_unreachable_goal_of_the_list_is_reported_and_skipped() -> None:
     goals = ((1.92, 1.32, -2.4), (0.5, 0.3))
     async with memory_fleet(scenario(1, "dubins", goals=goals, pause=1.0)) as fleet:
-        await fleet.until(lambda: fleet.holds("r1", "goal (1.92, 1.32) given up: path from"), 3, "it says why")
+        await fleet.until(
+            lambda: fleet.holds("r1", "goal (1.92, 1.32) given up: path from"), 3, "it reports the reason"
+        )
         await fleet.until(stands_at(fleet, 0.5, 0.3), 60, "it is at the next")
 
 
 @virtual
-async def test_a_robot_that_faces_a_wall_comes_away() -> None:
+async def test_a_robot_that_faces_a_wall_gets_away() -> None:
     async with memory_fleet(scenario(1, "dubins", goals=((0.0, 0.3),)), agents=False) as fleet:
         fleet.plant.place(0, 1.9, 0.0, 0.1)
         await fleet.start_agent("r1")
@@ -131,17 +120,17 @@ async def test_a_robot_that_faces_a_wall_comes_away() -> None:
 
 
 @virtual
-async def test_steer_goes_to_its_goals_one_after_the_other_and_waits() -> None:
+async def test_steer_drives_to_its_goals_in_order_and_pauses() -> None:
     goals = ((0.9, 0.5), (-0.8, 0.2))
     async with memory_fleet(scenario(1, "steer", goals=goals, pause=1.0)) as fleet:
         await fleet.until(stands_at(fleet, 0.9, 0.5), 30, "the first")
-        await fleet.until(lambda: fleet.holds("r1", "at goal 1, waiting"), 2, "it waits")
+        await fleet.until(lambda: fleet.holds("r1", "at goal 1, pausing"), 2, "it waits")
         await fleet.until(stands_at(fleet, -0.8, 0.2), 30, "the second")
         await fleet.until(lambda: fleet.holds("r1", "all goals reached"), 2, "all")
 
 
 @virtual
-async def test_coverage_comes_to_rest_at_the_centroids_in_rounds_of_all() -> None:
+async def test_coverage_ends_at_the_centroids_in_common_rounds() -> None:
     lab = scenario(4, "coverage", hold_time=1.0, stay_within=0.025, turning_radius=0.1, v_min=0.1)
     async with memory_fleet(lab, seed=2) as fleet:
         watcher = await fleet.bus()
@@ -159,7 +148,7 @@ async def test_coverage_comes_to_rest_at_the_centroids_in_rounds_of_all() -> Non
         assert found.gain < 0.02
         assert found.rise is not None
         assert found.rise <= 0.02
-        # A round begins for all that go at the same snapshot.
+        # A round begins with the same snapshot for all robots that move.
         times = sorted(received.message.stamp for received in paths.drain())
         begun = [times[0]]
         for t in times:

@@ -1,4 +1,4 @@
-"""A process leaves when its supervisor is gone, whatever its loop does."""
+"""A process exits when its supervisor has ended, whatever its loop does."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ BLOCKS = "while True: pass"
 
 
 @pytest.mark.parametrize(("body", "code"), [(WAITS, OK), (BLOCKS, FAILED)])
-def test_a_process_leaves_when_its_lifeline_ends(body: str, code: int) -> None:
+def test_a_process_exits_when_its_lifeline_closes(body: str, code: int) -> None:
     program = f"""
 import asyncio, sys
 from muro_zenoh.runtime.process import ready, run_process

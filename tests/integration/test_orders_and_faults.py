@@ -1,4 +1,4 @@
-"""A real fleet among strangers: other behaviours, foreign programs, garbage, and the ends of router and simulator."""
+"""A real fleet with users' behaviours, foreign programs, garbage, and killed router and simulator."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 async def fleet(tmp_path: Path) -> AsyncIterator[RealFleet]:
     path = os.pathsep.join(filter(None, [str(EXAMPLES), os.environ.get("PYTHONPATH", "")]))
     async with real_fleet(tmp_path, behaviour={"name": "circle"}, env={"PYTHONPATH": path}) as running:
-        await running.until(running.driving, 10, "everybody drives")
+        await running.until(running.driving, 10, "all drive")
         yield running
 
 
-async def test_behaviours_of_others(fleet: RealFleet) -> None:
+async def test_behaviours_of_users(fleet: RealFleet) -> None:
     await _a_frozen_agent_is_no_runaway(fleet)
     await _a_foreign_program_says_the_speed(fleet)
-    await _an_unknown_behaviour_leaves_the_robot_standing(fleet)
+    await _an_unknown_behaviour_stops_the_robot(fleet)
     await _the_flock_is_three_processes(fleet)
 
 
 async def _a_frozen_agent_is_no_runaway(fleet: RealFleet) -> None:
     fleet.process["r1"].send(signal.SIGSTOP)
-    await fleet.until(lambda: fleet.standing("r1"), 5, "the dead-man stops r1")
-    await fleet.throughout(lambda: fleet.standing("r1"), 0.5, "r1 stands")
+    await fleet.until(lambda: fleet.stationary("r1"), 5, "the dead-man stops r1")
+    await fleet.throughout(lambda: fleet.stationary("r1"), 0.5, "r1 is stationary")
     fleet.process["r1"].send(signal.SIGCONT)
     await fleet.until(lambda: fleet.driving("r1"), 5, "r1 drives again")
 
@@ -56,18 +56,20 @@ async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
         await fleet.until(lambda: abs(fleet.truth["r1"].v - 0.1) < 0.01, 10, "r1 at the foreign program's speed")
         await fleet.throughout(lambda: abs(fleet.truth["r2"].v - 0.1) > 0.05, 0.5, "r2 at its own")
         other.kill()
-    await fleet.until(lambda: fleet.says("r1", "no velocity for") and fleet.standing("r1"), 5, "r1 holds")
+    await fleet.until(lambda: fleet.holds("r1", "no velocity for") and fleet.stationary("r1"), 5, "r1 holds")
 
 
-async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> None:
+async def _an_unknown_behaviour_stops_the_robot(fleet: RealFleet) -> None:
     reply = fleet.muro("set", "behaviour", "fly", "--robot", "r2")
     assert reply.returncode == 1
     assert "got 'fly', expected one of circle, coverage" in reply.stdout
-    # Only the robots load a user's own, so that the base station keeps it.
+    assert fleet.driving("r2")
+    # Only the robots load a user's behaviour, so the base station accepts it.
     reply = fleet.muro("set", "behaviour", "nolab:fly", "--robot", "r2")
     assert reply.returncode == 1
-    await fleet.until(lambda: fleet.says("r2", "No module named 'nolab'"), 5, "r2 says why")
-    await fleet.until(lambda: fleet.standing("r2"), 3, "r2 stands")
+    assert "r2: cannot run it: " in reply.stdout
+    await fleet.until(lambda: fleet.holds("r2", "No module named 'nolab'"), 5, "r2 reports the reason")
+    await fleet.until(lambda: fleet.stationary("r2"), 3, "r2 is stationary")
     assert fleet.process["r2"].running
     assert fleet.driving("r3")
 
@@ -75,19 +77,22 @@ async def _an_unknown_behaviour_leaves_the_robot_standing(fleet: RealFleet) -> N
 async def _the_flock_is_three_processes(fleet: RealFleet) -> None:
     reply = fleet.muro("set", "behaviour", "flock:flock")
     assert reply.returncode == 0, reply.stdout + reply.stderr
-    await fleet.until(lambda: {fleet.health[n].state for n in fleet.robots} == {"flock"}, 5, "everybody flocks")
-    await fleet.until(fleet.driving, 5, "everybody drives")
+    await fleet.until(lambda: {fleet.health[n].state for n in fleet.robots} == {"flock"}, 5, "all flock")
+    await fleet.until(fleet.driving, 5, "all drive")
 
 
-async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet) -> None:
+async def test_garbage_on_every_key_is_counted_and_stops_no_robot(fleet: RealFleet) -> None:
     noise = random.Random(7)
     names = [*fleet.robots, "north", "simulator", "basestation", "nobody"]
     keys = [f"muro/{c.word}/{n}" for c in channels.CHANNELS if c.named for n in names]
     keys += [f"muro/{c.word}" for c in channels.CHANNELS if not c.named]
-    # Not the truth: it is the observer's alone, and nobody else's to be confused by.
+    # Except the truth, which only the observer reads.
     keys = [key for key in keys if not key.startswith("muro/truth/")]
     kinds = {f"muro/{c.word}": encoding_of(c.kind) for c in channels.CHANNELS}
-    restarts = {name: fleet.process[name].pid for name in fleet.process}
+
+    def all_run() -> None:
+        ended = [name for name, process in fleet.process.items() if not process.running]
+        assert not ended, "\n".join(fleet.process[name].last_lines() for name in ended)
 
     def payload() -> bytes:
         return noise.choice(
@@ -111,19 +116,19 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
                     session.put(key, payload(), encoding=kinds[word])
                 else:
                     session.put(key, payload())
-            # A picture that is none, and one that is not this camera's.
+            # An invalid picture, and one of another camera.
             for size, kind, data in ((16, "jpeg", noise.randbytes(50)), (8, "grey", bytes(64)), (8, "grey", b"")):
                 frame = {"stamp": time.time(), "width": size, "height": size, "format": kind, "data": data}
                 session.put("muro/camera/north", msgpack.packb(frame))
             for verb in channels.VERBS:
                 key = channels.verb_key("muro", verb, "r1" if verb.named else "")
                 session.get(key, lambda _: None, payload=payload(), timeout=0.5)
-            await fleet.until(lambda: True, 1, "the processes live")
             await asyncio.sleep(0.05)
+            all_run()
     finally:
         session.close()
 
-    await fleet.until(fleet.driving, 5, "everybody drives on")
+    await fleet.until(fleet.driving, 5, "all drive on")
     for name, words in {
         "r1": ("pose", "circle", "behaviour", "stop", "odometry", "velocity"),
         "basestation": ("camera", "health", "estimate", "basestation/stop"),
@@ -135,7 +140,24 @@ async def test_garbage_on_every_key_is_counted_and_stops_nobody(fleet: RealFleet
     assert fleet.number("basestation", "bad_frames") > 10
     await fleet.ask(channels.SET_CIRCLE, SetCircle(radius=0.7))
     await fleet.until(lambda: fleet.radius_error() < 0.03, 20, "the fleet obeys")
-    assert {name: process.pid for name, process in fleet.process.items()} == restarts
+    all_run()  # nobody would have started them again
+
+
+async def test_a_robot_that_does_not_confirm_a_stop_is_named(fleet: RealFleet) -> None:
+    fleet.process["r2"].send(signal.SIGSTOP)
+    order = fleet.muro("stop")
+    assert order.returncode == 1, order.stdout + order.stderr
+    assert "r1: has stopped\n" in order.stdout
+    assert "r3: has stopped\n" in order.stdout
+    # Its lease may be over by the time that it was waited for.
+    assert "r2: DOES NOT CONFIRM\n" in order.stdout or "r2: is not alive\n" in order.stdout
+    await fleet.until(fleet.stationary, 5, "all stand, r2 by its dead-man")
+    fleet.process["r2"].send(signal.SIGCONT)
+    await fleet.until(lambda: fleet.health["r2"].stop_latched, 5, "r2 hears of it")
+    await fleet.throughout(lambda: fleet.stationary("r2"), 1.0, "r2 stands on")
+    order = fleet.muro("stop")
+    assert order.returncode == 0, order.stdout + order.stderr
+    assert "r2: has stopped\n" in order.stdout
 
 
 async def test_the_router_and_then_the_simulator_die(fleet: RealFleet) -> None:
@@ -147,21 +169,25 @@ async def _without_the_router_the_wheels_stop(fleet: RealFleet) -> None:
     simulator = fleet.process["simulator"]
     simulator.forget()
     fleet.kill("router")
-    # Nobody but the simulator itself can see its wheels now: its bases say what they did.
+    # Only the simulator itself can see its wheels now: its bases log what they did.
     said: set[str] = set()
     while said != set(fleet.robots):
         said.add(find(simulator, r"(r\d): no fresh command for 0\.3 s, wheels at zero", 5)[1])
     fleet.start("router")
-    await fleet.until(fleet.driving, 20, "everybody drives when the router is back")
+    await fleet.until(fleet.driving, 20, "all drive when the router is back")
 
 
 async def _without_the_simulator_nobody_hangs(fleet: RealFleet) -> None:
     fleet.kill("simulator")
-    await fleet.until(lambda: all(fleet.says(name, "no pose for") for name in fleet.robots), 5, "they say why")
+    await fleet.until(
+        lambda: all(fleet.holds(name, "no pose for") for name in fleet.robots), 5, "they report the reason"
+    )
     numbers = {name: fleet.health[name].seq for name in (*fleet.robots, "basestation")}
-    await fleet.until(lambda: all(fleet.health[n].seq >= numbers[n] + 2 for n in numbers), 10, "everybody reports on")
+    await fleet.until(lambda: all(fleet.health[n].seq >= numbers[n] + 2 for n in numbers), 10, "all still report")
     await fleet.ask(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold"))
-    await fleet.until(lambda: all(fleet.says(n, "the behaviour is hold") for n in fleet.robots), 5, "orders are taken")
+    await fleet.until(
+        lambda: all(fleet.holds(n, "the behaviour is hold") for n in fleet.robots), 5, "orders are accepted"
+    )
     began = time.monotonic()
     for name in numbers:
         fleet.process[name].send(signal.SIGTERM)

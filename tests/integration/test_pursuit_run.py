@@ -1,4 +1,4 @@
-"""``muro run pursuit`` with real processes: it meets its checks, and leaves nothing behind however it ends."""
+"""``muro run pursuit`` with real processes: it meets its checks, and leaves nothing behind."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def gone(processes: list[psutil.Process], limit: float) -> bool:
 CHECKS = ("--set", "checks.radius_error_p95=0.1", "--set", "checks.spacing_error_p95=0.25")
 
 
-def test_pursuit_meets_its_checks_and_says_so() -> None:
+def test_pursuit_meets_its_checks_and_reports_it() -> None:
     with run("--duration", "25", "--seed", "1", "--report", "r.json", *CHECKS) as process:
         process.line("all processes ready", 30)
         started = children(process)

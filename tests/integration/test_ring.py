@@ -11,13 +11,13 @@ from tests.support.fleet import real_fleet
 pytestmark = pytest.mark.slow
 
 
-async def test_the_ring_spreads_anew_when_an_agent_is_killed_and_again_when_it_is_back(tmp_path: Path) -> None:
+async def test_the_ring_spreads_again_when_an_agent_is_killed_and_when_it_is_back(tmp_path: Path) -> None:
     async with real_fleet(tmp_path) as fleet:
         await fleet.ring()
         began = fleet.bus.clock.now()
 
         def calibrated() -> bool:
-            """Whether cal0 and calD undo the simulator's hidden drive errors, to 5 %."""
+            """Whether cal0 and calD correct the simulator's hidden drive errors within 5 %."""
             factors = []
             for name in fleet.robots:
                 cal_v, cal_omega = fleet.cal_v.values().get(name), fleet.cal_omega.values().get(name)
@@ -31,9 +31,9 @@ async def test_the_ring_spreads_anew_when_an_agent_is_killed_and_again_when_it_i
         await fleet.until(calibrated, 10, "calibrations within 5 %")
 
         fleet.kill("r2")
-        await fleet.until(lambda: fleet.standing("r2"), 3, "r2 stands")
+        await fleet.until(lambda: fleet.stationary("r2"), 3, "r2 is stationary")
         await fleet.ring(("r1", "r3"))
-        assert fleet.standing("r2")
+        assert fleet.stationary("r2")
         assert fleet.spacing_error() > 0.5  # it is no ring of three
 
         fleet.start("r2")

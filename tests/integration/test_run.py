@@ -104,7 +104,7 @@ def test_a_taken_port_means_a_router_on_another_one() -> None:
         except OSError:
             pass  # another fleet has it: as good
         with run("hold", "--robots", "1", "--duration", "1") as process:
-            said = process.line("port 7447 is taken")
+            said = process.line("port 7447 is in use")
             assert process.wait(20) == 0
     assert endpoint() in said
     assert endpoint() != "tcp/127.0.0.1:7447"

@@ -21,13 +21,13 @@ SEED = 7
 
 
 def ahead(start: np.ndarray, way: float) -> tuple[float, float]:
-    """The place so far ahead of a start [m, world]."""
+    """The position at a distance ahead of a start [m, world]."""
     x, y, theta = start.tolist()
     return round(x + way * math.cos(theta), 3), round(y + way * math.sin(theta), 3)
 
 
 def arrives(there: list[str], x: float, y: float) -> bool:
-    """Whether r2 comes to a place, by the simulator's truth."""
+    """Whether r2 reaches a position, by the simulator's truth."""
     end = time.monotonic() + seconds(15)
     while time.monotonic() < end:
         truth = json.loads(muro("topic", "echo", "truth/r2", "--count", "1", *there).stdout.partition(" ")[2])
@@ -76,7 +76,7 @@ def test_goals_of_a_list_are_reached_and_an_operator_s_are_answered(
         order = muro("goal", "r9", "0", "0", *there)
         assert order.returncode == 1
         assert "r9 is not alive; the robots that are: r1, r2" in order.stderr
-        # What was refused has not put the one before out of the robot's mind.
+        # A refused goal has not replaced the one before.
         assert arrives(there, x, y)
         assert muro("set", "behaviour", "hold", "--robot", "r2", *there).returncode == 0
         order = muro("goal", "r2", str(x), str(y), *there)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -57,7 +58,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @asynccontextmanager
 async def driving(robots: int = 1, behaviour: str = "circle") -> AsyncIterator[MemoryFleet]:
     async with memory_fleet(scenario(robots, behaviour)) as fleet:
-        await fleet.until(lambda: len(fleet.driving) == robots, 3, "everybody drives")
+        await fleet.until(lambda: len(fleet.driving) == robots, 3, "all drive")
         yield fleet
 
 
@@ -66,7 +67,7 @@ async def commands_of(fleet: MemoryFleet, name: str = "r1") -> Every[VelocityCom
 
 
 async def after_a_fix(fleet: MemoryFleet, pause: float) -> float:
-    """Wait until so long after a fix came in; the time."""
+    """Wait until a time after the arrival of a fix; returns the time."""
     fixes = (await fleet.bus()).every(channels.POSE, "r1")
     await fixes.next()
     fixes.close()
@@ -99,7 +100,7 @@ def test_a_stop_is_zero_and_is_reported_at_once(pause: float, by_name: bool) -> 
 
 
 def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
-    """The real command against the real agents; who is stopped stays so when another one is stopped besides."""
+    """The real command against the real agents; a stopped robot stays stopped when another one is stopped as well."""
 
     async def main() -> None:
         async with driving(3) as fleet:
@@ -113,7 +114,7 @@ def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
             assert (await resume_robots(operator, ("r1",))).still_stopped == ()
             await fleet.until(lambda: fleet.driving == {"r1"}, 0.5, "r1 alone drives")
             assert (await resume_robots(operator, ())).still_stopped == ()
-            await fleet.until(lambda: len(fleet.driving) == 3, 0.5, "everybody drives")
+            await fleet.until(lambda: len(fleet.driving) == 3, 0.5, "all drive")
 
     run_virtually(main())
 
@@ -133,7 +134,7 @@ def test_a_hold_is_zero_at_once(own: None) -> None:
     run_virtually(main())
 
 
-def test_a_silent_behaviour_drives_a_quarter_of_a_second_and_a_repetition(own: None) -> None:
+def test_a_silent_behaviour_times_out_after_its_intent_and_one_repetition(own: None) -> None:
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
@@ -150,7 +151,7 @@ def test_a_silent_behaviour_drives_a_quarter_of_a_second_and_a_repetition(own: N
 
 
 def test_zero_is_repeated_three_times_as_often_as_the_dead_man_needs() -> None:
-    """Without poses, without a behaviour that says anything: the base must not be left to its dead-man."""
+    """Without poses, and without output of the behaviour: zero is commanded, not left to the dead-man."""
 
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold"), agents=False) as fleet:
@@ -161,13 +162,13 @@ def test_zero_is_repeated_three_times_as_often_as_the_dead_man_needs() -> None:
             states = (await fleet.bus()).every(channels.BASE, "r1", depth=1024)
             await asyncio.sleep(5.0)
             stamps = [c.message.stamp for c in commands.drain()]
-            assert max(b - a for a, b in zip(stamps, stamps[1:], strict=False)) < 0.2
+            assert max(b - a for a, b in itertools.pairwise(stamps)) < 0.2
             assert not any(state.message.dead_man for state in states.drain())
 
     run_virtually(main())
 
 
-def test_a_strangers_estimates_steer_no_behaviour(own: None) -> None:
+def test_a_foreign_programs_estimates_do_not_reach_a_behaviour(own: None) -> None:
     async def main() -> None:
         async with driving(behaviour="lab_stops:away") as fleet:
             stranger = await fleet.bus(Role.AGENT)

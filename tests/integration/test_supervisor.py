@@ -1,4 +1,4 @@
-"""Children that die, hang and refuse to exit; parents that are killed. All of them real processes."""
+"""Children that die, hang and refuse to exit, and parents that are killed, with real processes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
@@ -137,7 +137,7 @@ async def test_a_start_fails_at_once_when_a_child_dies_before_it_is_ready(tmp_pa
         with pytest.raises(SupervisionError, match=r"early exited with code 1 before it was ready; see .*early\.log"):
             await within(10, supervisor.start([dummy("stay"), dummy("early", name="early")]), "an error")
         assert supervisor.children == []
-        # ... and the next attempt starts afresh.
+        # ... and the next attempt starts from scratch.
         await within(10, supervisor.start([dummy("stay")]), "ready")
     assert "no such room" in "".join(messages)
 
@@ -168,7 +168,7 @@ async def test_a_child_that_ignores_sigterm_is_killed(tmp_path: Path) -> None:
     assert messages == ["dummy did not exit within 0.3 s: killed"]
 
 
-async def test_what_a_child_started_is_killed_with_it(tmp_path: Path) -> None:
+async def test_a_childs_own_children_are_killed_with_it(tmp_path: Path) -> None:
     async with Supervisor(tmp_path, print) as supervisor:
         (child,) = await within(10, supervisor.start([dummy("parent")]), "ready")
         assert child.pid is not None
@@ -194,8 +194,16 @@ async def test_cancelling_the_block_ends_the_children(tmp_path: Path) -> None:
     assert gone(pids[0])
 
 
+@pytest.fixture
+def under_nohup() -> Iterator[None]:
+    """SIGHUP is ignored here, and in every child that does not ask for it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL, signal.SIGHUP])
-def test_a_parent_that_ends_leaves_nothing_behind(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_parent_that_ends_leaves_nothing_behind(tmp_path: Path, number: signal.Signals, under_nohup: None) -> None:
     whats = ["stay", "stay", "stay"]
     with Process([str(CHILDREN / "supervising.py"), str(tmp_path), *whats], name="supervising") as parent:
         pids = [int(word) for word in parent.line("PIDS").split()[1:]]

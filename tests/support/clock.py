@@ -4,17 +4,17 @@ from __future__ import annotations
 
 
 class ManualClock:
-    """A :class:`~muro_zenoh.runtime.clock.Clock` that stands until it is moved.
+    """A :class:`~muro_zenoh.runtime.clock.Clock` that changes only when a test moves it.
 
     Args:
-        start: what it says first [s].
+        start: its initial time [s].
     """
 
     def __init__(self, start: float = 1000.0) -> None:
         self._now = start
 
     def now(self) -> float:
-        """What it says [s]."""
+        """Its time [s]."""
         return self._now
 
     def advance(self, by: float) -> None:

@@ -57,7 +57,7 @@ class RealFleet:
     # ---- processes
 
     def start(self, *names: str) -> None:
-        """Start processes side by side, and wait until all are ready."""
+        """Start processes concurrently, and wait until all are ready."""
         commands = {
             "router": router_command(self.endpoint),
             "simulator": ["-m", "muro_zenoh", "sim", str(self._file), "--seed", str(self._seed)],
@@ -70,7 +70,7 @@ class RealFleet:
             self.process[name].ready(30.0)
 
     def kill(self, name: str) -> float:
-        """kill -9; when that was, by the clock that all processes of this machine have [s since 1970]."""
+        """kill -9; returns the time by the clock of all processes on this machine [s since 1970]."""
         process = self.process[name]
         process.send(signal.SIGKILL)
         at = self.bus.clock.now()
@@ -80,7 +80,7 @@ class RealFleet:
         return at
 
     def close(self) -> None:
-        """End what is left; the router last."""
+        """Stop the remaining processes, the router last."""
         errors = []
         for process in reversed(list(self.process.values())):
             try:
@@ -102,10 +102,10 @@ class RealFleet:
             env={**os.environ, **self._env},
         )
 
-    # ---- what is seen
+    # ---- observations
 
     async def observe(self) -> None:
-        """Declare what the observer listens to."""
+        """Declare the observer's subscriptions."""
         bus = self.bus
         self._truth = bus.latest(channels.TRUTH, "*")
         self._health = bus.latest(channels.HEALTH, "*")
@@ -122,70 +122,70 @@ class RealFleet:
         """Wait until a condition holds.
 
         Raises:
-            AssertionError: it does not within ``limit`` (scaled) [s]; with what the processes say.
+            AssertionError: it does not within ``limit`` (scaled) [s]; with the processes' reports.
         """
         loop = asyncio.get_running_loop()
         end = loop.time() + seconds(limit)
         while not condition():
             for process in self.process.values():
                 assert process.running, f"{what}: {process.name} ended\n{process.last_lines()}"
-            assert loop.time() < end, f"{what}: not within {seconds(limit):g} s\n{self.told()}"
+            assert loop.time() < end, f"{what}: not within {seconds(limit):g} s\n{self.report()}"
             await asyncio.sleep(0.02)
 
     async def throughout(self, condition: Callable[[], bool], duration: float, what: str) -> None:
-        """Look that a condition holds all the time."""
+        """Assert that a condition holds all the time."""
         loop = asyncio.get_running_loop()
         end = loop.time() + duration
         while loop.time() < end:
-            assert condition(), f"{what}: no more\n{self.told()}"
+            assert condition(), f"{what}: no longer\n{self.report()}"
             await asyncio.sleep(0.02)
 
-    def told(self) -> str:
-        """What everybody says about himself, for failures."""
+    def report(self) -> str:
+        """The state of all processes, for failures."""
         lines = [f"{name}: {h.state} {h.reasons} {h.numbers}" for name, h in self.health.items()]
         places = [f"{name}: {t.x:.3f} {t.y:.3f} {t.theta:.2f} v {t.v:.3f}" for name, t in self.truth.items()]
         return "\n".join([*lines, *places, *(p.last_lines(8) for p in self.process.values())])
 
     @property
     def health(self) -> dict[str, Health]:
-        """The newest health of each."""
+        """The newest health of each process."""
         return {name: received.message for name, received in self._health.values().items()}
 
     def number(self, name: str, key: str) -> float:
-        """A number that somebody says in his health; 0 when he does not."""
+        """A number in a process's health; 0 when it has none."""
         health = self.health.get(name)
         return health.numbers.get(key, 0.0) if health is not None else 0.0
 
     @property
     def truth(self) -> dict[str, Truth]:
-        """Where everybody is."""
+        """The true state of each robot."""
         return {name: received.message for name, received in self._truth.values().items()}
 
     @property
     def circle(self) -> Circle | None:
         """The circle that the base station keeps."""
-        heard = self._circle.get()
-        return heard.message.circle if heard is not None else None
+        received = self._circle.get()
+        return received.message.circle if received is not None else None
 
     def commands(self) -> list[Received[VelocityCommand]]:
-        """All commands since the last look."""
+        """All commands since the last call."""
         return self._commands.drain()
 
     def wheels(self) -> list[Received[Any]]:
-        """All odometry since the last look."""
+        """All odometry since the last call."""
         return self._odometry.drain()
 
-    def says(self, name: str, reason: str) -> bool:
-        """Whether an agent stands for this reason."""
+    def holds(self, name: str, reason: str) -> bool:
+        """Whether an agent reports that it does not drive for this reason."""
         return any(reason in given for given in self.health[name].reasons) if name in self.health else False
 
     def driving(self, *names: str) -> bool:
-        """Whether these robots (all) really move."""
+        """Whether these robots (all) actually move."""
         truth = self.truth
         return all(name in truth and abs(truth[name].v) > 0.02 for name in names or self.robots)
 
-    def standing(self, *names: str) -> bool:
-        """Whether these robots (all) really stand."""
+    def stationary(self, *names: str) -> bool:
+        """Whether these robots (all) are actually stationary."""
         truth = self.truth
         return all(name in truth and abs(truth[name].v) < 0.005 for name in names or self.robots)
 
@@ -199,7 +199,7 @@ class RealFleet:
         )
 
     def spacing_error(self, names: tuple[str, ...] = ()) -> float:
-        """Largest true |gap - 2 pi / N| of these robots (all) round the circle [rad]."""
+        """Largest true |gap - 2 pi / N| of these robots (all) around the circle [rad]."""
         circle, truth = self.circle, self.truth
         names = names or self.robots
         if circle is None or not set(names) <= set(truth):
@@ -240,7 +240,7 @@ async def real_fleet(
     seed: int = 1,
     env: Mapping[str, str] | None = None,
 ) -> AsyncIterator[RealFleet]:
-    """A fleet of real processes that are all ready; none is left at the end of the block."""
+    """A fleet of real processes that are all ready; all are stopped at the end of the block."""
     table = {
         "robots": robots,
         "all": {"tag_x": -0.03, "tag_y": 0.02, "tag_yaw": 0.2},
@@ -260,7 +260,7 @@ async def real_fleet(
 
 
 def stranger(endpoint: str) -> zenoh.Session:
-    """A bare Zenoh session, of somebody who knows nothing of this library."""
+    """A bare Zenoh session, as of a program without this library."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))

@@ -23,7 +23,7 @@ async def no_task_left() -> AsyncIterator[None]:
     yield
     left = asyncio.all_tasks() - before - {asyncio.current_task()}
     if left:
-        # One that was cancelled may still have its last step to do.
+        # A cancelled task may still have to run its last step.
         _, left = await asyncio.wait(left, timeout=seconds(0.2))
     for task in left:
         task.cancel()
@@ -40,7 +40,7 @@ def no_thread_or_process_left() -> Iterator[None]:
         thread.join(seconds(1.0))
     names = sorted(t.name for t in left if t.is_alive())
     assert not names, f"the test left threads behind: {names}"
-    # One that was killed may still be ending, or wait to be waited for.
+    # A killed process may still be exiting, or be a zombie.
     _, orphans = psutil.wait_procs(_children() - children, timeout=seconds(1.0))
     for orphan in orphans:
         orphan.kill()

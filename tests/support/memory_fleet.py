@@ -46,7 +46,7 @@ def scenario(robots: int, behaviour: str, clockwise: bool = False, **parameters:
 
 
 class SimulatedSightings:
-    """A camera that sees the whole floor without pictures: the true poses, with noise, and late.
+    """A camera that sees the whole floor without pictures: the true poses, with noise and delay.
 
     Args:
         floor: what it sees.
@@ -106,7 +106,7 @@ class MemoryFleet:
 
     Attributes:
         network: what they share.
-        clock: everybody's.
+        clock: shared by all.
         plant: the robots.
         floor: what their wheels are commanded.
         camera: what the base station sees.
@@ -142,12 +142,12 @@ class MemoryFleet:
         await asyncio.sleep(0)  # from now on the base station answers
 
     async def bus(self, *roles: Role) -> Bus:
-        """A bus, as a process of its own would have it; by default with every role."""
+        """A bus, as of another process; by default with every role."""
         bus = make_bus(self.network.link(), roles=roles or ALL_ROLES, clock=self.clock)
         return await self._stack.enter_async_context(bus)
 
     async def start_agent(self, name: str) -> None:
-        """Start a robot's agent; how its task ends is for the test to look at."""
+        """Start a robot's agent; the test checks how its task ends."""
         bus = await self.bus(Role.AGENT)
         agent = Agent(bus, self.scenario, name)
         bus.announce(Role.AGENT, name)
@@ -163,13 +163,13 @@ class MemoryFleet:
     # ---- the base station
 
     async def order(self, verb: Verb[T], order: T) -> Reply:
-        """Give an order to the base station, as an operator does, and see it accepted."""
+        """Give an order to the base station, as an operator does, and assert that it is accepted."""
         reply = await self._looking.ask(verb, order)
         assert reply.accepted, reply.reason
         return reply
 
     async def refusal(self, verb: Verb[T], order: T) -> str:
-        """Give an order to the base station, and see it refused; the reason."""
+        """Give an order to the base station, and assert that it is refused; returns the reason."""
         reply = await self._looking.ask(verb, order)
         assert not reply.accepted
         return reply.reason
@@ -180,7 +180,7 @@ class MemoryFleet:
         return self.station.store
 
     def silence(self, channel: Channel[Any]) -> None:
-        """Let the base station publish no more on a channel; what was kept of it is gone, too."""
+        """Stop the base station's publishing on a channel, and remove its kept value."""
         start = f"{self._station_bus.realm}/{channel.word}"
         for thing in list(self._station_bus._open):
             if isinstance(thing, Publisher) and thing._key.startswith(start):
@@ -196,10 +196,10 @@ class MemoryFleet:
     def seeing(self, seeing: bool) -> None:
         self.camera.seeing = seeing
 
-    # ---- what is seen
+    # ---- observations
 
     async def until(self, condition: Callable[[], bool], limit: float, what: str) -> float:
-        """Wait until a condition holds; the (virtual) time that it took [s]."""
+        """Wait until a condition holds; returns the (virtual) time that it took [s]."""
         loop = asyncio.get_running_loop()
         began = loop.time()
         while not condition():
@@ -224,13 +224,13 @@ class MemoryFleet:
         return state is not None and state.message.dead_man
 
     def commanded(self, name: str) -> tuple[float, float]:
-        """What the wheels of a robot are commanded now: v [m/s], omega [rad/s]."""
+        """The current command of a robot's wheels: v [m/s], omega [rad/s]."""
         v, omega = self.floor.commands[self.scenario.robots.index(name)].tolist()
         return v, omega
 
     @property
     def driving(self) -> set[str]:
-        """Whose wheels are commanded to turn."""
+        """The robots whose wheels are commanded to turn."""
         return {name for name in self.scenario.robots if self.commanded(name) != (0.0, 0.0)}
 
     @property
@@ -249,13 +249,13 @@ class MemoryFleet:
         return float(self.plant.twist[self.scenario.robots.index(name), 0])
 
     def turning(self, name: str) -> float:
-        """True angular speed round the circle's centre, of a robot on it: positive counter-clockwise [rad/s]."""
+        """True angular speed around the circle's centre, of a robot on it: positive counter-clockwise [rad/s]."""
         x, y, theta = self.plant.pose[self.scenario.robots.index(name)].tolist()
         x, y = x - self.circle.x, y - self.circle.y
         return self.speed(name) * (x * math.sin(theta) - y * math.cos(theta)) / (x * x + y * y)
 
     def spacing_error(self, names: list[str] | None = None) -> float:
-        """Largest |gap - 2 pi / N| round the circle [rad]."""
+        """Largest |gap - 2 pi / N| around the circle [rad]."""
         poses = dict(zip(self.scenario.robots, self.plant.pose.tolist(), strict=True))
         places = {name: (poses[name][0], poses[name][1]) for name in names or self.scenario.robots}
         return ring.spacing_error(ring.angles_round(places, self.circle))
@@ -263,7 +263,7 @@ class MemoryFleet:
 
 @asynccontextmanager
 async def memory_fleet(lab: Scenario, *, seed: int = 1, agents: bool = True) -> AsyncIterator[MemoryFleet]:
-    """A fleet that runs; all of it is gone at the end of the block."""
+    """A running fleet; all of it is stopped at the end of the block."""
     async with AsyncExitStack() as stack, asyncio.TaskGroup() as tasks:
         fleet = MemoryFleet(lab, seed, stack, tasks)
         await fleet.start()

@@ -21,7 +21,7 @@ _LAST_LINES = 40
 
 
 class Process:
-    """A Python child process, whose output is read line by line. A context manager: at its end the child is gone.
+    """A Python child process, whose output is read line by line. A context manager that stops the child at its end.
 
     It dies with the tests, however those end: it is given a lifeline.
 
@@ -55,12 +55,12 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """The operating system's number of it."""
+        """Its pid."""
         return self._popen.pid
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
+        """Whether it is running."""
         return self._popen.poll() is None
 
     def line(self, start: str, timeout: float = 10.0) -> str:
@@ -83,7 +83,7 @@ class Process:
                     )
 
     def forget(self) -> None:
-        """Skip the lines that it has said so far."""
+        """Skip the lines printed so far."""
         with self._heard:
             self._unread.clear()
 
@@ -92,7 +92,7 @@ class Process:
         self.line("READY", timeout)
 
     def say(self, line: str) -> None:
-        """A line for its standard input."""
+        """Write a line to its standard input."""
         assert self._popen.stdin is not None
         self._popen.stdin.write(line + "\n")
         self._popen.stdin.flush()
@@ -102,7 +102,7 @@ class Process:
         self._popen.send_signal(number)
 
     def wait(self, timeout: float = 10.0) -> int:
-        """Its exit code (minus the signal that killed it).
+        """Its exit code (negative for a signal).
 
         Raises:
             AssertionError: it is still there after ``timeout`` (scaled) [s]; with its last lines.
@@ -117,12 +117,12 @@ class Process:
         return code
 
     def kill(self) -> None:
-        """kill -9, and wait for its end."""
+        """kill -9, and wait for its exit."""
         self._popen.kill()
         self.wait()
 
     def stop(self, timeout: float = 10.0) -> int:
-        """Terminate it, kill it when that is not enough, and return its exit code."""
+        """Terminate it, kill it if necessary, and return its exit code."""
         if self.running:
             self._popen.send_signal(signal.SIGCONT)
             self._popen.terminate()

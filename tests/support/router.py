@@ -15,7 +15,7 @@ _ATTEMPTS = 5
 
 @dataclass(frozen=True)
 class Router:
-    """A router that runs.
+    """A running router.
 
     Attributes:
         process: its process.
@@ -32,7 +32,7 @@ class Router:
 
 @contextlib.contextmanager
 def router() -> Iterator[Router]:
-    """A router on a free port of this machine, gone at the end of the block."""
+    """A router on a free port of this machine, stopped at the end of the block."""
     for attempt in range(_ATTEMPTS):
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         process = Process(router_command(endpoint), name="router")
@@ -59,7 +59,7 @@ def router_command(endpoint: str) -> list[str]:
 
 
 def free_port() -> int:
-    """A TCP port that nobody listened on a moment ago. Zenoh does not tell which port it got for 0."""
+    """A TCP port that was free a moment ago. For port 0 Zenoh does not report the actual port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

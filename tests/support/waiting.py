@@ -1,4 +1,4 @@
-"""Waits of the tests, scaled by one factor: ``MURO_TEST_TIMEOUT_FACTOR`` (a slow machine sets 3, say)."""
+"""Waits of the tests, scaled by one factor: ``MURO_TEST_TIMEOUT_FACTOR`` (for example 3 on a slow machine)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def seconds(value: float) -> float:
 
 
 async def within(limit: float, awaitable: Awaitable[T], what: str) -> T:
-    """The result of ``awaitable``, or an assertion that names ``what`` did not come within ``limit`` (scaled) [s]."""
+    """The result of ``awaitable``; fails with ``what`` when it takes longer than ``limit`` (scaled) [s]."""
     try:
         async with asyncio.timeout(seconds(limit)):
             return await awaitable

@@ -30,7 +30,7 @@ def test_a_whole_turn_ends_where_it_began() -> None:
 
 
 @given(poses, st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
-def test_hardly_a_turn_is_a_straight_line(pose: Pose2, v: float, dt: float) -> None:
+def test_a_tiny_turn_is_a_straight_line(pose: Pose2, v: float, dt: float) -> None:
     for omega in (0.0, 5e-324, 1e-9, 3e-6):
         assert_same(advance(pose, v, omega, dt), advance(pose, v, 0.0, dt), tolerance=3e-5)
 

@@ -115,7 +115,7 @@ async def test_the_newest_command_is_obeyed(lab: Lab) -> None:
     assert lab.wheels.now == (0.3, 0.0)
 
 
-async def test_a_command_holds_while_it_is_fresh_and_no_longer(lab: Lab) -> None:
+async def test_a_command_is_followed_only_while_it_is_fresh(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(DEAD_MAN - 0.01)
     await lab.beat()
@@ -149,7 +149,7 @@ async def test_the_dead_man_is_logged_once_an_episode(lab: Lab, caplog: pytest.L
     ] * 2
 
 
-async def test_a_backlog_is_no_command(lab: Lab) -> None:
+async def test_a_backlog_is_ignored(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     # The link was cut; what the agent sent meanwhile arrives all at once when it is back.
     began = lab.clock.now()
@@ -163,10 +163,8 @@ async def test_a_backlog_is_no_command(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize(("late", "obeyed"), [(0.0, True), (0.29, True), (0.31, False), (2.0, False)])
-async def test_a_command_that_comes_late_is_never_obeyed_for_a_moment_either(
-    lab: Lab, late: float, obeyed: bool
-) -> None:
-    await lab.command(0.2, 0.0)  # so that it is known how quick the way is
+async def test_a_stale_command_is_not_followed_even_for_a_moment(lab: Lab, late: float, obeyed: bool) -> None:
+    await lab.command(0.2, 0.0)  # so that the minimum delay is known
     lab.clock.advance(5.0)
     await lab.beat()
     before = len(lab.wheels.commanded)
@@ -174,7 +172,7 @@ async def test_a_command_that_comes_late_is_never_obeyed_for_a_moment_either(
     assert ((0.3, 0.1) in lab.wheels.commanded[before:]) == obeyed
 
 
-async def test_a_late_command_holds_only_for_the_rest_of_its_time(lab: Lab) -> None:
+async def test_a_late_command_is_followed_only_for_the_rest_of_its_time(lab: Lab) -> None:
     await lab.command(0.2, 0.0)
     lab.clock.advance(0.5)
     await lab.beat()
@@ -185,7 +183,7 @@ async def test_a_late_command_holds_only_for_the_rest_of_its_time(lab: Lab) -> N
     assert lab.wheels.now == (0.0, 0.0)
 
 
-async def test_a_clock_of_the_agents_own_does_not_matter(lab: Lab) -> None:
+async def test_the_agents_clock_may_differ(lab: Lab) -> None:
     await lab.command(0.2, 0.0, stamp=5.0)
     assert lab.wheels.now == (0.2, 0.0)
     lab.clock.advance(0.1)
@@ -207,7 +205,7 @@ async def test_a_robot_that_two_processes_command_is_stationary(lab: Lab, caplog
             await lab.command(0.2, 0.0)
             assert set(lab.wheels.commanded[before:]) == {(0.0, 0.0)}
     assert [r.message for r in caplog.records if "two processes" in r.message] == [
-        "r1: two processes command these wheels, which are stopped: is an agent running twice?"
+        "r1: two processes command these wheels, so they are stopped: is an agent running twice?"
     ]
     for _ in range(3):  # one alone is obeyed again
         lab.clock.advance(0.1)
@@ -227,7 +225,7 @@ async def test_a_restarted_agent_is_obeyed_once_the_old_ones_command_has_expired
 async def test_a_command_without_epoch_is_not_obeyed_alone_nor_beside_another(
     lab: Lab, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Two writers that both omit it could not be told apart: they would drive the wheels in turns."""
+    """Two writers that both omit it could not be distinguished: they would drive the wheels in turns."""
 
     async def unsigned(v: float) -> None:
         raw = msgspec.msgpack.encode({"stamp": lab.clock.now(), "v": v, "omega": 0.0})
@@ -268,7 +266,7 @@ async def test_a_hazard_stops_the_wheels_at_once_and_while_it_lasts(lab: Lab, ha
     assert not getattr(await lab.state(), hazard)
 
 
-async def test_charging_alone_stops_nobody(lab: Lab) -> None:
+async def test_charging_alone_does_not_stop_the_robot(lab: Lab) -> None:
     lab.wheels.reading = lab.wheels.reading._replace(charging=True)
     await lab.command(0.2, 0.1)
     assert lab.wheels.now == (0.2, 0.1)
@@ -326,7 +324,7 @@ async def test_the_state_is_sent_on_change_and_twice_a_second(lab: Lab) -> None:
     assert [state.message.battery for state in lab.states.drain()] == [0.5]
 
 
-async def test_a_cancelled_base_leaves_the_wheels_at_zero(lab: Lab) -> None:
+async def test_a_cancelled_base_sets_the_wheels_to_zero(lab: Lab) -> None:
     await lab.command(0.2, 0.1)
     lab.task.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -346,7 +344,7 @@ async def test_wheels_that_fail_end_the_base_with_the_wheels_at_zero(lab: Lab) -
     assert lab.wheels.now == (0.0, 0.0)
 
 
-async def test_a_timeout_of_the_wheels_own_is_not_taken_for_the_time_of_a_beat(lab: Lab) -> None:
+async def test_a_timeout_error_from_the_wheels_is_not_swallowed(lab: Lab) -> None:
     await lab.command(0.2, 0.1)
     driven = lab.wheels.command
 
@@ -387,7 +385,7 @@ async def several() -> AsyncIterator[Several]:
 
 
 class TestSeveralBasesInOneProcess:
-    def test_each_robot_obeys_its_own_commands_and_no_strangers(self) -> None:
+    def test_each_robot_follows_only_its_own_commands(self) -> None:
         async def main() -> None:
             async with several() as bases:
                 for name, speed in (("r1", 0.1), ("r2", 0.2), ("r9", 0.9)):
@@ -409,7 +407,7 @@ class TestSeveralBasesInOneProcess:
 
         run_virtually(main())
 
-    def test_the_dead_man_bites_within_a_beat_of_its_time(self) -> None:
+    def test_the_dead_man_acts_within_a_beat_of_its_limit(self) -> None:
         async def main() -> None:
             async with several() as bases:
                 for tenth in range(10):
@@ -491,7 +489,7 @@ class TestClocksThatMakeNoSense:
         base.obey(self.received(5.0), math.nan)
         assert wheels.commanded == []
 
-    def test_a_clock_that_is_no_number_stops_the_wheels(self) -> None:
+    def test_a_clock_that_returns_nan_stops_the_wheels(self) -> None:
         wheels = Wheels()
         base = Base("r1", wheels)
         base.obey(self.received(5.0), 5.0)

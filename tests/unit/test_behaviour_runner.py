@@ -111,7 +111,7 @@ def users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str,
 
 
 @pytest.mark.parametrize("behaviour", ["deaf", "forgetful"])
-def test_what_does_not_end_is_revoked(
+def test_a_behaviour_that_does_not_end_is_revoked(
     behaviour: str, users_own: Callable[[str, str], None], caplog: pytest.LogCaptureFixture
 ) -> None:
     users_own("lab_stubborn", STUBBORN)
@@ -121,7 +121,7 @@ def test_what_does_not_end_is_revoked(
             try:
                 await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 3, "it drives")
                 await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="hold"))
-                await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.2, "it stands")
+                await fleet.until(lambda: fleet.commanded("r1") == (0.0, 0.0), 0.2, "it is stationary")
                 for _ in range(30):
                     await asyncio.sleep(0.1)
                     assert fleet.commanded("r1") == (0.0, 0.0)
@@ -157,7 +157,7 @@ def test_nothing_is_sent_after_the_last_zero(behaviour: str, users_own: Callable
     run_virtually(main())
 
 
-def test_a_control_loop_that_has_ended_sends_nothing_whatever_comes() -> None:
+def test_a_control_loop_that_has_ended_sends_nothing() -> None:
     loop = ControlLoop("r1", RobotSettings())
     ((channel, last),) = loop.end(1.0)
     assert channel is channels.CMD_VEL
@@ -195,7 +195,7 @@ def test_a_behaviour_that_fails_or_ends_leaves_the_robot_stationary_with_the_rea
             await fleet.until(lambda: len(fleet.driving) == 2, 3, "both drive")
             order = SetBehaviour(behaviour=f"lab_failing:{behaviour}", names=("r1",))
             await fleet.order(channels.SET_BEHAVIOUR, order)
-            await fleet.until(lambda: fleet.healths["r1"].state == state, 0.5, "it says so at once")
+            await fleet.until(lambda: fleet.healths["r1"].state == state, 0.5, "it reports it at once")
             health = fleet.healths["r1"]
             assert health.failure == f"behaviour lab_failing:{behaviour}{' ' if state == 'ended' else ': '}{said}"
             assert health.reasons == (health.failure,)
@@ -207,7 +207,7 @@ def test_a_behaviour_that_fails_or_ends_leaves_the_robot_stationary_with_the_rea
             assert fleet.healths["r1"].failure == health.failure
             await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
             await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 1.5, "the next one is taken")
-            await fleet.until(lambda: not fleet.healths["r1"].failure, 1.5, "it says so")
+            await fleet.until(lambda: not fleet.healths["r1"].failure, 1.5, "it reports it")
             assert fleet.healths["r1"].state == "circle"
 
     run_virtually(main())
@@ -224,7 +224,9 @@ def test_an_error_while_a_users_module_is_imported_shows_where(
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="lab_broken:go"))
-            await fleet.until(lambda: fleet.holds("r1", "ZeroDivisionError('division by zero')"), 1.5, "it says why")
+            await fleet.until(
+                lambda: fleet.holds("r1", "ZeroDivisionError('division by zero')"), 1.5, "it reports the reason"
+            )
             assert fleet.healths["r1"].state == "failed"
 
     run_virtually(main())

@@ -26,7 +26,7 @@ class TestStraightDownView:
         seen = camera().project(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
         assert seen == pytest.approx(np.array([[319.5, 239.5], [519.5, 239.5], [319.5, 39.5]]), abs=1e-4)
 
-    def test_sees_the_whole_rectangle_with_its_margin_whatever_the_shape(self) -> None:
+    def test_sees_the_whole_rectangle_with_its_margin_for_any_shape(self) -> None:
         for width, height in ((1280, 720), (480, 640)):
             views = straight_down_view(Bounds(0.0, 4.0, 0.0, 3.0), width, height, margin=0.25)
             scale = (views[1].u - views[0].u) / 4.0
@@ -159,7 +159,7 @@ class TestRender:
 
 
 class TestSettings:
-    def test_refuses_what_is_no_camera(self) -> None:
+    def test_refuses_an_invalid_camera(self) -> None:
         with pytest.raises(ValueError, match="0 x 10"):
             OverheadCamera(0, 10, np.eye(3))
         with pytest.raises(ValueError, match="3 x 3"):
@@ -169,11 +169,11 @@ class TestSettings:
         with pytest.raises(ValueError, match="noise 99"):
             OverheadCamera(10, 10, np.eye(3), noise=99.0)
 
-    def test_refuses_views_that_fix_no_camera(self) -> None:
+    def test_refuses_views_without_a_homography(self) -> None:
         views = straight_down_view(ROOM, WIDTH, HEIGHT)
         with pytest.raises(ValueError, match="3 views"):
             OverheadCamera.from_views(WIDTH, HEIGHT, views[:3])
-        with pytest.raises(ValueError, match="no homography"):
+        with pytest.raises(ValueError, match="not determine a homography"):
             OverheadCamera.from_views(WIDTH, HEIGHT, [views[0]] * 4)
 
     def test_a_tag_has_a_size(self) -> None:
@@ -181,7 +181,7 @@ class TestSettings:
             TagMount(0, -0.1)
 
 
-def test_jpeg_is_small_and_near() -> None:
+def test_jpeg_is_small_and_accurate() -> None:
     picture = picture_of(0.2, 0.1, 0.5, TagMount(0, 0.2))
     data = encode_jpeg(picture, quality=85)
     back = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)

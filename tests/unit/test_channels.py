@@ -19,7 +19,7 @@ names = st.from_regex(r"[a-z][a-z0-9_]{0,31}", fullmatch=True)
 realms = st.lists(names, min_size=1, max_size=3).map("/".join)
 
 
-def test_every_channel_has_a_word_of_its_own() -> None:
+def test_every_channel_has_a_unique_word() -> None:
     words = [c.word for c in CHANNELS]
     assert len(set(words)) == len(words)
     assert not {"alive", "basestation"} & set(words), "these words are taken by presence and orders"
@@ -33,7 +33,7 @@ def test_the_package_has_every_row_of_the_table_and_nothing_that_the_table_only_
     assert not {"Any", "Final", "m", "CONTROL"} & set(vars(channels))
 
 
-def test_every_verb_has_a_word_of_its_own() -> None:
+def test_every_verb_has_a_unique_word() -> None:
     words = [v.word for v in VERBS]
     assert len(set(words)) == len(words)
 
@@ -47,7 +47,7 @@ def test_the_table_has_the_rows_of_the_design() -> None:
     assert rows["circle"] == ("Circle", "kept", "DATA")
 
 
-def test_the_dead_man_waits_as_long_as_the_table_says() -> None:
+def test_the_dead_mans_limit_is_that_of_the_table() -> None:
     assert channels.CMD_VEL.stale_after == 0.3
 
 
@@ -90,7 +90,7 @@ def test_a_channel_with_one_key_takes_no_name() -> None:
         key_of("muro", channels.CIRCLE, "r1")
 
 
-def test_the_page_is_what_the_table_says() -> None:
+def test_the_page_matches_the_table() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert page(text) == text, "docs/channels.md is out of date: run `python -m muro_zenoh.channels docs/channels.md`"
 

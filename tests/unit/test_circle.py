@@ -30,7 +30,7 @@ LAWS = sorted(CIRCLE_LAWS)
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("clockwise", [False, True])
 @given(phi=ANGLES, v=SPEEDS)
-def test_on_the_circle_along_the_tangent_every_law_asks_for_the_circles_own_turning(
+def test_on_the_circle_along_the_tangent_every_law_gives_the_circles_own_turning_rate(
     name: str, clockwise: bool, phi: float, v: float
 ) -> None:
     circle = Circle(1.0, -0.5, 0.6, clockwise)
@@ -65,7 +65,7 @@ def test_arrays_and_floats_agree(name: str, clockwise: bool) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 @given(theta=ANGLES, v=SPEEDS)
-def test_the_centre_is_a_place_like_any_other(name: str, theta: float, v: float) -> None:
+def test_the_laws_are_defined_at_the_centre(name: str, theta: float, v: float) -> None:
     circle = Circle(0.3, 0.4, 0.6)
     assert math.isfinite(circle_law(name)(0.3, 0.4, theta, v, circle))
 
@@ -122,7 +122,7 @@ def test_radius_error_is_positive_outside() -> None:
     np.testing.assert_allclose(radius_error(np.array([1.0]), np.array([1.0]), circle), [-0.5])
 
 
-def test_a_wrong_law_or_gain_is_named_beside_those_there_are() -> None:
+def test_an_unknown_law_or_gain_lists_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"'pid'.*vector_field, passivity, lqr"):
         circle_law("pid")
     with pytest.raises(ValueError, match=r"vector_field: got 'psi'.*k_o, k_h"):

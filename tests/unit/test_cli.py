@@ -40,7 +40,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def refused(*arguments: str) -> str:
-    """What the command says when it refuses with exit code 2, having touched nothing."""
+    """The output of a command that refuses with exit code 2 and changes nothing."""
     result = CliRunner().invoke(main, arguments, prog_name="muro")
     assert result.exit_code == 2, result.output
     assert os.listdir() in ([], ["lab.toml"])
@@ -105,7 +105,7 @@ def test_an_unknown_scenario_lists_the_built_in_ones() -> None:
     said = refused("run", "pursiut")
     assert {"circle", "hold", "pursuit"} <= set(built_in_scenarios())
     names = ", ".join(built_in_scenarios())
-    assert f"got 'pursiut', which is no file, expected a TOML file, or one of {names}. Did you mean pursuit?" in said
+    assert f"got 'pursiut', which is not a file, expected a TOML file, or one of {names}. Did you mean pursuit?" in said
 
 
 def test_a_file_that_is_not_toml() -> None:
@@ -115,13 +115,13 @@ def test_a_file_that_is_not_toml() -> None:
 
 def test_a_wrong_key_in_a_file() -> None:
     Path("lab.toml").write_text("[circle]\nradus = 1.0\n")
-    assert "lab.toml: circle.radus: got a key that nothing reads" in refused("run", "lab.toml")
+    assert "lab.toml: circle.radus: got an unknown key" in refused("run", "lab.toml")
 
 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("circle.radus=1", "circle.radus: got a key that nothing reads, expected one of x, y, radius, clockwise"),
+        ("circle.radus=1", "circle.radus: got an unknown key, expected one of x, y, radius, clockwise"),
         ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number above 0 [m]"),
         ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number above 0 [m]"),
         ("circle.radius", "--set: got 'circle.radius', expected KEY=VALUE, such as circle.radius=0.9"),
@@ -151,7 +151,7 @@ def test_a_wrong_setting(given: str, said: str) -> None:
         (["agent", "pursuit", "r1", "--listen", "7447"], "--listen: got '7447', expected an endpoint"),
         (["agent", "pursuit", "r1", "--realm", "My lab"], "--realm: got 'My lab'"),
         (["agent", "pursuit", "r1", "--mode", "server"], "'server' is not one of"),
-        (["agent", "nowhere.toml", "r1"], "got 'nowhere.toml', which is no file"),
+        (["agent", "nowhere.toml", "r1"], "got 'nowhere.toml', which is not a file"),
         (["stop", "R2!"], "robot: got 'R2!'"),
         (["set", "circle"], "nothing to change"),
         (["set", "circle", "--radius", "0"], "not in the range x>0"),

@@ -16,9 +16,9 @@ class Machine:
     """The clocks of a machine, moved by hand.
 
     Attributes:
-        wall: what ``time.time`` says [s].
-        steady: what the steady clock says [s].
-        asked: which steady clocks were asked for.
+        wall: result of ``time.time`` [s].
+        steady: result of the monotonic clock [s].
+        asked: the monotonic clocks that were read.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,7 +42,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     return Machine(monkeypatch)
 
 
-def test_it_says_the_time_since_1970(machine: Machine) -> None:
+def test_it_returns_the_time_since_1970(machine: Machine) -> None:
     clock = SystemClock()
     assert clock.now() == WALL
     machine.passes(0.25)
@@ -59,7 +59,7 @@ def test_a_step_of_the_wall_clock_does_not_matter(machine: Machine, step: float)
     assert clock.now() == pytest.approx(WALL + 2.0, abs=1e-6)
 
 
-def test_it_is_the_steady_clock_that_goes_on_while_the_machine_is_suspended(machine: Machine) -> None:
+def test_it_uses_the_clock_that_includes_suspension(machine: Machine) -> None:
     clock = SystemClock()
     clock.now()
     assert machine.asked == {getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)}

@@ -51,7 +51,7 @@ def test_the_files_that_we_ship_are_valid(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [*BUILT_IN, *DEPLOYED], ids=lambda path: path.stem)
-def test_a_scenario_can_be_handed_to_a_process(path: Path) -> None:
+def test_a_scenario_can_be_passed_to_a_process(path: Path) -> None:
     scenario = load_scenario(path)
     assert parse_scenario(as_table(scenario), "run.json", name=scenario.name) == scenario
 
@@ -75,7 +75,7 @@ def test_robots_are_made_from_all(given_: int | None, asked: int | None, names: 
     assert [robot.tag for robot in lab.robot.values()] == list(range(names))
 
 
-def test_of_named_robots_the_first_are_taken() -> None:
+def test_of_named_robots_the_first_are_used() -> None:
     table = {"robot": {"anna": {"tag": 4}, "bert": {"tag": 2}, "carl": {"tag": 9}}}
     assert parse(table, robots=2).robots == ("anna", "bert")
 
@@ -120,11 +120,11 @@ def test_any_scenario_can_be_handed_to_a_process(
 # ---- what is wrong
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"colour": 1}, "lab.toml: colour: got a key that nothing reads, expected one of fleet,"),
+    ({"colour": 1}, "lab.toml: colour: got an unknown key, expected one of fleet,"),
     ({"circel": {}}, "Did you mean circle?"),
     (
         {"circle": {"raduis": 1.0}},
-        "lab.toml: circle.raduis: got a key that nothing reads, expected one of x, y",
+        "lab.toml: circle.raduis: got an unknown key, expected one of x, y",
     ),
     ({"circle": {"raduis": 1.0}}, "Did you mean radius?"),
     ({"circle": {"radius": "0.8 m"}}, "lab.toml: circle.radius: got '0.8 m' (text), expected a number above 0 [m]"),
@@ -147,7 +147,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"robot": {"r1": 4}}, "lab.toml: robot.r1: got 4 (integer), expected a table [robot.r1]"),
     ({"robot": [1]}, "lab.toml: robot: got [1] (array), expected a table [robot]"),
     ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number above 0 [m]"),
-    ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag here"),
+    ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag in [all]"),
     ({"robots": 0}, "lab.toml: robots: got 0 (integer), expected a whole number at least 1"),
     ({"robots": 2, "robot": {"r1": {}}}, "lab.toml: robots: got a number besides [robot.*]"),
     ({"camera": {"north": {"rate": 0}}}, "lab.toml: camera.north.rate: got 0 (integer), expected a number above 0"),
@@ -197,11 +197,11 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "an arena without height": ({"arena": {"y_min": 1.5}}, "lab.toml: arena: got"),
     "two robots with one tag": (
         {"robot": {"r1": {"tag": 3}, "r2": {"tag": 3}}},
-        "lab.toml: robot.r2.tag: got 3, which robot r1 carries too, expected a tag of its own",
+        "lab.toml: robot.r2.tag: got 3, which robot r1 has too, expected a unique tag",
     ),
     "a robot that no camera can see": (
         {"camera": {"north": {}}, "robot": {"r1": {}}},
-        "lab.toml: robot.r1.tag: got no tag, expected the id of the tag it carries",
+        "lab.toml: robot.r1.tag: got no tag, expected the id of its tag",
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
@@ -214,7 +214,7 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "too many robots for the circle": (
         {"robots": 15, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
         "lab.toml: circle.radius: got 15 robots on a circle of 0.8 m, 0.333 m apart, expected at least 0.354 m between "
-        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.85 m.",
+        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.86 m.",
     ),
     "pixels without metres": (
         {"camera": {"north": {"pixels": PIXELS}}},
@@ -277,7 +277,7 @@ def test_an_error_names_the_file_of_the_key(tmp_path: Path) -> None:
         ("radius = ", r"run\.toml: got .*, expected TOML"),
         ('fleet = "gone.toml"', r"gone\.toml: got no such file, expected a TOML file"),
         ("fleet = 3", r"run\.toml: fleet: got 3 \(integer\), expected text"),
-        ('fleet = "run.toml"', r"run\.toml: fleet: got 'run.toml' \(text\), expected no fleet in a fleet file"),
+        ('fleet = "run.toml"', r"run\.toml: fleet: got 'run.toml' \(text\), expected no key fleet in a fleet file"),
         ("\x00", r"run\.toml: got .*, expected TOML"),
     ],
 )

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from agents.control_loop import ControlLoop, Outgoing, Surroundings
 from muro_zenoh import channels
-from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, hold
+from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, ShownCell, Snapshot, hold
+from muro_zenoh.channels import Channel
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.geometry import Twist2
-from muro_zenoh.messages import PoseFix, StopOrder, VelocityCommand
+from muro_zenoh.estimation.pose_filter import PoseEstimate
+from muro_zenoh.geometry import Circle, Pose2, State, Twist2
+from muro_zenoh.messages import (
+    Cell,
+    Estimate,
+    PlannedPath,
+    PoseFix,
+    SpeedReference,
+    StopOrder,
+    VelocityCommand,
+)
+from muro_zenoh.planning.path import Path, Segment
 
 ROBOT = parse_scenario({"robots": 1}, "lab.toml", name="lab").robot["r1"]
 T0 = 1000.0
@@ -42,7 +55,7 @@ def free(behaviour: Behaviour | None = None) -> ControlLoop:
 
 
 @pytest.mark.parametrize(("age", "drives"), [(0.05, True), (0.39, True), (0.41, False), (0.54, False), (60.0, False)])
-def test_a_pose_is_driven_by_for_0_4_s_from_its_capture_on(age: float, drives: bool) -> None:
+def test_a_pose_is_used_for_0_4_s_from_its_capture(age: float, drives: bool) -> None:
     loop = free(Forward())
     (command,) = commands(loop.update(T0 + age, [], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
@@ -58,7 +71,7 @@ def test_the_age_of_a_pose_counts_from_its_capture_and_not_from_its_arrival() ->
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(0.15, True), (0.24, True), (0.26, False), (0.35, False)])
-def test_what_a_behaviour_wanted_is_driven_for_0_25_s(silent: float, drives: bool) -> None:
+def test_an_intent_is_used_for_0_25_s(silent: float, drives: bool) -> None:
     loop = free()
     assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.2, 0.0), abs=0.01)]
     (command,) = commands(loop.update(T0 + silent, [(T0 + silent, fix())], [], NOTHING))
@@ -67,10 +80,8 @@ def test_what_a_behaviour_wanted_is_driven_for_0_25_s(silent: float, drives: boo
 
 
 @pytest.mark.parametrize(("later", "repeated"), [(0.05, False), (0.099, False), (0.101, True), (0.29, True)])
-def test_a_command_is_repeated_after_a_tenth_of_a_second_a_third_of_the_dead_mans_time(
-    later: float, repeated: bool
-) -> None:
-    loop = free()  # a behaviour that is a task of its own, and says nothing
+def test_a_command_is_repeated_after_a_third_of_the_dead_mans_time(later: float, repeated: bool) -> None:
+    loop = free()  # a behaviour that is a task of its own, and makes no calls
     loop.want(T0, FORWARD)
     assert len(commands(loop.update(T0 + later, [], [], NOTHING))) == repeated
 
@@ -80,7 +91,9 @@ def test_zero_is_repeated_where_there_was_never_a_pose() -> None:
     assert commands(loop.update(T0, [], [], NOTHING)) == [(0.0, 0.0)]
     assert commands(loop.update(T0 + 0.09, [], [], NOTHING)) == []
     assert commands(loop.update(T0 + 0.11, [], [], NOTHING)) == [(0.0, 0.0)]
-    assert loop.reasons[:2] == ("no stop state received yet", "no pose yet")
+    stop, pose = loop.reasons[:2]
+    assert stop.startswith("no stop state received yet")
+    assert pose.startswith("no pose yet")
 
 
 @pytest.mark.parametrize(
@@ -101,7 +114,7 @@ def test_a_stop_of_another_robot_commands_nothing() -> None:
     assert commands(loop.take_stop(T0 + 0.01, StopOrder(all=False, names=("r2",), revision=6))) == []
 
 
-def test_a_hold_is_a_command_of_its_own() -> None:
+def test_a_hold_is_commanded_at_once() -> None:
     loop = free()
     loop.want(T0, FORWARD)
     loop.changed = False
@@ -164,3 +177,229 @@ def test_the_names_of_an_absurd_order_are_not_remembered() -> None:
     loop.update(T0 + 0.1, [], [], NOTHING)
     assert loop.seen is not None
     assert loop.seen.stopped == frozenset()
+
+
+# ---- what a behaviour sees, and what is sent
+
+ESTIMATE = PoseEstimate(
+    1.0, 2.0, 0.5, 0.11, -0.3, ACCURATE, s_v=0.8, s_omega=1.25, sigma_v=0.02, sigma_omega=0.05, t_fix=T0
+)
+"""A robot whose wheels give 0.8 of the speed and 1.25 of the turning that they are commanded."""
+
+AHEAD = State(1.01, 2.02, 0.48, 0.12, -0.2)
+
+
+class Filter:
+    """A pose filter that has converged, and records what it is given."""
+
+    def __init__(self) -> None:
+        self.twists: list[tuple[float, float, float]] = []
+        self.commands: list[tuple[float, float, float]] = []
+        self.asked: list[tuple[object, ...]] = []
+
+    def twist(self, t: float, v: float, omega: float) -> None:
+        self.twists.append((t, v, omega))
+
+    def command(self, t: float, v: float, omega: float) -> None:
+        self.commands.append((t, v, omega))
+
+    def at(self, t: float) -> PoseEstimate:
+        return ESTIMATE._replace(t_fix=t)
+
+    def look_ahead(self, estimate: PoseEstimate, now: float, lag: float) -> State:
+        self.asked.append((estimate, now, lag))
+        return AHEAD
+
+
+class Recorder(Behaviour):
+    """Wants one thing, and keeps what it saw."""
+
+    def __init__(self, intent: Intent = FORWARD) -> None:
+        self.intent = intent
+        self.seen: list[Seen] = []
+
+    def step(self, seen: Seen) -> Intent:
+        self.seen.append(seen)
+        return self.intent
+
+
+def converged(behaviour: Behaviour | None = None) -> tuple[ControlLoop, Filter]:
+    """A loop that may drive, with a filter that has converged."""
+    loop, pose_filter = ControlLoop("r1", ROBOT), Filter()
+    loop._filter = pose_filter  # type: ignore[assignment]
+    loop.take_stop(T0, StopOrder(all=False, revision=5))
+    loop.behave(behaviour)
+    return loop, pose_filter
+
+
+def of(channel: Channel[Any], out: Outgoing) -> list[Any]:
+    """What was sent on a channel."""
+    return [message for on, message in out if on is channel]
+
+
+def test_a_new_loop_has_nothing_to_report() -> None:
+    loop = ControlLoop("r1", ROBOT)
+    assert (loop.reasons, loop.seen, loop.changed, loop.fixes, loop.commands) == ((), None, False, 0, 0)
+
+
+def test_a_robot_whose_behaviour_has_said_nothing_says_so() -> None:
+    loop = free()
+    loop.update(T0 + 1.0, [(T0 + 1.0, fix())], [], NOTHING)
+    assert loop.reasons == ("no behaviour yet",)
+    assert not loop.update(T0 + 1.05, [], [], NOTHING)[1:]  # zero is not sent with each estimate
+
+
+def test_what_a_behaviour_sees_is_the_estimate_of_now_and_what_others_say() -> None:
+    behaviour = Recorder()
+    loop, pose_filter = converged(behaviour)
+    snapshot = Snapshot((), 7.0, 3, 0.05)
+    around = Surroundings(Circle(0.1, 0.2, 0.7), 0.15, 0.3, snapshot, 0.06)
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=6))
+    loop.update(T0 + 0.1, [], [], around)
+    assert behaviour.seen == [
+        Seen(T0 + 0.1, State(1.0, 2.0, 0.5, 0.11, -0.3), AHEAD, *around, frozenset({"r2"}), may_drive=True)
+    ]
+    assert behaviour.seen == [loop.seen]
+    assert pose_filter.asked == [(ESTIMATE._replace(t_fix=T0 + 0.1), T0 + 0.1, ROBOT.lag)]
+
+
+def test_a_behaviour_sees_whether_its_last_command_was_driven() -> None:
+    behaviour = Recorder()
+    loop, _ = converged(behaviour)
+    loop.take_stop(T0, StopOrder(all=True, revision=5))
+    loop.update(T0, [], [], NOTHING)
+    loop.take_stop(T0, StopOrder(all=False, revision=6))
+    loop.update(T0 + 0.05, [], [], NOTHING)
+    loop.update(T0 + 0.1, [], [], NOTHING)
+    assert [seen.may_drive for seen in behaviour.seen] == [False, False, True]
+
+
+@pytest.mark.parametrize(("revision", "stopped"), [(5, {"r3"}), (6, {"r2"}), (7, {"r2"})])
+def test_the_robots_that_stand_are_those_of_the_newest_order(revision: int, stopped: set[str]) -> None:
+    loop, _ = converged(Recorder())
+    loop.take_stop(T0, StopOrder(all=False, names=("r3",), revision=6))
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=revision))
+    loop.update(T0, [], [], NOTHING)
+    assert loop.seen is not None
+    assert loop.seen.stopped == stopped
+
+
+def test_before_any_order_no_robot_is_known_to_stand() -> None:
+    loop = ControlLoop("r1", ROBOT)
+    loop._filter = Filter()  # type: ignore[assignment]
+    loop.update(T0, [], [], NOTHING)
+    assert loop.seen is not None
+    assert loop.seen.stopped == frozenset()
+
+
+def test_the_filter_is_given_the_odometry_and_each_command_as_it_was_sent() -> None:
+    loop, pose_filter = converged(Recorder())
+    loop.update(T0, [], [(T0 - 0.02, 0.1, 0.2), (T0 - 0.01, 0.3, 0.4)], NOTHING)
+    assert pose_filter.twists == [(T0 - 0.02, 0.1, 0.2), (T0 - 0.01, 0.3, 0.4)]
+    assert pose_filter.commands == [(T0, pytest.approx(0.25), 0.0)]
+
+
+def test_odometry_is_believed_for_as_long_as_its_channel_says() -> None:
+    loop = free()
+    settings = loop._filter._settings
+    assert (settings.odometry_timeout, settings.command_timeout) == (0.15, 0.3)
+    assert loop._filter._limits == ROBOT.wheels
+
+
+def test_a_command_makes_up_for_the_drive_scales_within_the_robots_limits() -> None:
+    loop, _ = converged(Recorder(Intent(Twist2(0.2, 0.5))))
+    (command,) = of(channels.CMD_VEL, loop.update(T0, [], [], NOTHING))
+    assert (command.stamp, command.v, command.omega) == (T0, pytest.approx(0.25), pytest.approx(0.4))
+    loop.behave(Recorder(Intent(Twist2(-99.0, 99.0))))
+    assert commands(loop.update(T0 + 0.1, [], [], NOTHING)) == [(-ROBOT.v_max, ROBOT.omega_max)]
+
+
+def test_the_estimate_is_sent_with_its_time() -> None:
+    loop, _ = converged()
+    (estimate,) = of(channels.ESTIMATE, loop.update(T0, [], [], NOTHING))
+    assert estimate == Estimate(stamp=T0, x=1.0, y=2.0, theta=0.5, v=0.11, omega=-0.3, covariance=ACCURATE)
+
+
+def test_the_calibration_is_sent_at_the_first_estimate_and_once_a_period() -> None:
+    loop, _ = converged()
+    period = channels.CAL_V.period
+    sent = [
+        len(of(channels.CAL_V, loop.update(T0 + t, [], [], NOTHING))) for t in (0.0, 0.5 * period, period, 1.1 * period)
+    ]
+    assert sent == [1, 0, 1, 0]
+
+
+def test_the_calibration_is_the_inverse_of_the_scale() -> None:
+    loop, _ = converged()
+    out = loop.update(T0, [], [], NOTHING)
+    ((of_v,), (of_omega,)) = of(channels.CAL_V, out), of(channels.CAL_OMEGA, out)
+    assert (of_v.value, of_v.sigma) == pytest.approx((1.25, 0.03125))  # 0.02 / 0.8^2
+    assert (of_omega.value, of_omega.sigma) == pytest.approx((0.8, 0.032))  # 0.05 / 1.25^2
+
+
+def test_what_a_behaviour_shows_is_sent_beside_its_command() -> None:
+    path = Path(Pose2(0.1, 0.2, 0.3), (Segment(0.5, 0.0), Segment(0.25, -2.0)))
+    corners = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    loop, _ = converged()
+    intent = FORWARD._replace(speed=0.17, path=path, path_has_heading=True, cell=ShownCell(corners, 0.3, 0.4))
+    for out in (loop.want(T0, intent), (loop.behave(Recorder(intent)), loop.update(T0, [], [], NOTHING))[1]):
+        assert of(channels.VELOCITY, out) == [SpeedReference(speed=0.17)]
+        segments = ((0.5, 0.0), (0.25, -2.0))
+        assert of(channels.PATH, out) == [PlannedPath(x=0.1, y=0.2, theta=0.3, segments=segments, goal_theta=True)]
+        assert of(channels.CELL, out) == [Cell(corners=corners, x=0.3, y=0.4)]
+
+
+def test_a_reason_beside_a_twist_holds_nobody() -> None:
+    loop, _ = converged(Recorder(FORWARD._replace(reason="slow here")))
+    assert commands(loop.update(T0, [], [], NOTHING)) == [(pytest.approx(0.25), 0.0)]
+    assert loop.reasons == ()
+
+
+def test_fixes_their_ages_and_commands_are_counted() -> None:
+    loop = free(Forward())  # one command at the update; none at a stop state that stops nobody
+    assert (loop.fixes, loop.commands) == (1, 1)
+    loop.update(T0 + 0.05, [(T0 + 0.01, fix()), (T0 + 0.02, fix())], [], NOTHING)
+    assert (loop.fixes, loop.commands) == (3, 2)
+    assert loop.pose_ages == [0.0, pytest.approx(0.04), pytest.approx(0.03)]
+
+
+# ---- what is reported at once
+
+
+def test_what_has_changed_stays_so_until_it_is_reported() -> None:
+    loop = free(Forward())
+    loop.changed = False
+    stop = StopOrder(all=True, revision=6)
+    loop.take_stop(T0, stop)
+    loop.take_stop(T0, stop)
+    loop.update(T0 + 0.01, [], [], NOTHING)
+    assert loop.changed
+
+
+def test_an_order_that_changes_nothing_is_not_reported() -> None:
+    loop = free(Forward())
+    loop.changed = False
+    loop.take_stop(T0 + 0.01, StopOrder(all=False, revision=5))
+    assert not loop.changed
+
+
+def test_a_pose_that_grows_older_is_not_reported_at_each_estimate() -> None:
+    loop = free(Forward())
+    loop.update(T0 + 0.5, [], [], NOTHING)
+    assert loop.changed
+    loop.changed = False
+    loop.update(T0 + 1.7, [], [], NOTHING)
+    assert loop.reasons == ("no pose for 1.7 s",)
+    assert not loop.changed
+
+
+# ---- the end
+
+
+def test_after_the_last_command_there_is_none() -> None:
+    loop = free(Forward())
+    assert commands(loop.end(T0)) == [(0.0, 0.0)]
+    assert loop.reasons == ("the agent is shutting down",)
+    assert loop.update(T0 + 0.2, [(T0 + 0.2, fix())], [], NOTHING) == []
+    assert loop.want(T0 + 0.2, FORWARD) == []
+    assert loop.take_stop(T0 + 0.2, StopOrder(all=True, revision=9)) == []

@@ -110,7 +110,7 @@ def test_cells_are_what_is_nearest(sites: list[Point], probe: Point) -> None:
 
 
 @given(sites=st.lists(SITE, min_size=1, max_size=12, unique=True))
-def test_cells_share_the_arena_out_and_run_counter_clockwise(sites: list[Point]) -> None:
+def test_cells_partition_the_arena_and_are_counter_clockwise(sites: list[Point]) -> None:
     assume(len(set(same_place(sites))) == len(sites))
     polygons = cells(sites, ARENA)
     assert sum(map(area, polygons)) == pytest.approx(WHOLE)

@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from muro_zenoh.messages import VelocityCommand
+from muro_zenoh.transport import Received
 from muro_zenoh.transport.delay import DelayTracker
 
 
@@ -58,6 +60,23 @@ def test_a_restarted_writer_starts_from_scratch() -> None:
     assert tracker.least == pytest.approx(-4.0)
 
 
+@pytest.mark.parametrize(("at", "extra"), [(30.0, 1.0), (60.05, 1.0), (60.2, 0.97), (90.1, 0.97), (90.3, 0.94)])
+def test_the_least_rises_by_30_ms_for_each_half_minute_that_is_over(at: float, extra: float) -> None:
+    """From the first second on the path takes one second longer."""
+    tracker = DelayTracker()
+    tracker.observe(1, 0.0, 0.0)
+    arrivals = [t for t in (1.0, 30.0, 30.1, 60.05, 60.2, 90.1, 90.3) if t <= at]
+    assert [tracker.observe(1, t - 1.0, t) for t in arrivals][-1] == pytest.approx(extra)
+
+
+def test_of_many_writers_the_four_heard_last_are_remembered() -> None:
+    tracker = DelayTracker()
+    for epoch in (1, 2, 3, 4, 1, 5):  # the one that goes is 2
+        tracker.observe(epoch, 0.0, 0.0)
+    assert tracker.observe(1, 0.0, 1.0) == pytest.approx(1.0)
+    assert tracker.observe(2, 0.0, 1.0) == 0.0
+
+
 def test_writers_by_turns_are_kept_apart() -> None:
     tracker = DelayTracker()
     offsets = {1: 0.0, 2: 900.0, 3: -50.0, 4: 2.0}
@@ -84,6 +103,21 @@ def test_a_delay_is_never_negative_and_never_beyond_the_least(samples: list[tupl
         delay = tracker.observe(epoch, stamp, arrival)
         assert delay >= 0.0
         assert tracker.least == pytest.approx(arrival - stamp - delay)
+
+
+# ---- a message that came
+
+
+def test_age_is_the_time_since_the_arrival_and_the_extra_delay() -> None:
+    received = Received("r1", VelocityCommand(v=0.0, omega=0.0), arrival=100.0, delay=0.25, least=-7.0)
+    assert received.age(100.5) == pytest.approx(0.75)
+
+
+def test_the_time_of_capture_is_the_stamp_by_our_clock_less_the_latency_of_the_path() -> None:
+    """The writer's clock is 7 s ahead of ours, and its quickest message took 20 ms."""
+    received = Received("r1", VelocityCommand(v=0.0, omega=0.0, stamp=107.0), arrival=100.5, delay=0.48, least=-6.98)
+    assert received.captured() == pytest.approx(100.02)
+    assert received.captured(0.02) == pytest.approx(100.0)
 
 
 # ---- nothing learned from one message lasts

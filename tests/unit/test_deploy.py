@@ -1,4 +1,4 @@
-"""What stands in deploy/ and examples/ can be used as it is."""
+"""The files in deploy/ and examples/ are usable as they are."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def test_the_fleet_file_names_ten_robots_and_two_cameras_that_see_all_the_floor(
     assert seen.max() == 2  # they overlap
 
 
-def test_zenoh_takes_the_router_configuration() -> None:
+def test_zenoh_accepts_the_router_configuration() -> None:
     config = zenoh_config(BusSettings(mode="router", connect=(), config=str(HERE / "deploy" / "router.json5")))
     assert config.get_json("mode") == '"router"'
     assert "tcp/0.0.0.0:7447" in config.get_json("listen/endpoints")

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from muro_zenoh.figures.catalogue import FIGURES
 from muro_zenoh.figures.canvas import style
+from muro_zenoh.figures.catalogue import FIGURES
 from muro_zenoh.figures.simulation import Effort
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 
-from matplotlib.axes import Axes  # noqa: E402 - after it is known to be there
-from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 # As long as the published ones where curves hang on it, with few starts.
 EFFORT = Effort(starts=4, trials=2, share=1.0)
@@ -74,7 +74,7 @@ PARTS: dict[str, list[Part]] = {
     ],
     "pursuit_settling": [
         Part("time [s]", "spacing error [rad]", (0.0, 60.0), (0.01, 7.0), curves=3),
-        Part("time to 0.1 rad / least time [-]", "share of the trials [-]", (0.8, 8.0), (0.0, 1.0), curves=6),
+        Part("time to 0.1 rad / lower bound [-]", "share of the trials [-]", (0.8, 8.0), (0.0, 1.0), curves=6),
     ],
     "importance_density": [
         Part("angle on the circle [rad]", label, (0.0, 2 * math.pi), (0.0, 1.75), curves=1, bars=36)
@@ -106,7 +106,7 @@ def curves(axes: Axes) -> Iterator[np.ndarray]:
     """The lines that can be seen as such (n, 2): two points within view, at two places."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     for line in axes.lines:
-        if len(line.get_xdata()) <= 2 or line.get_linestyle() == "None" and line.get_marker() != ".":
+        if len(line.get_xdata()) <= 2 or (line.get_linestyle() == "None" and line.get_marker() != "."):
             continue
         x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
         seen = (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
@@ -118,7 +118,7 @@ def bars(axes: Axes) -> np.ndarray:
     return np.array([bar.get_height() for container in axes.containers for bar in container])
 
 
-def test_every_figure_has_its_content_told_here() -> None:
+def test_every_figure_has_its_content_specified_here() -> None:
     assert PARTS.keys() == FIGURES.keys()
 
 
@@ -198,7 +198,7 @@ def test_the_default_pursuit_law_is_the_quickest_in_the_figure_and_none_beats_th
     assert min(medians) >= 1.0
 
 
-def test_robots_are_where_the_importance_asks_for_them() -> None:
+def test_the_density_of_robots_follows_the_importance() -> None:
     for axes in axes_of(figure_of("importance_density")):
         found = bars(axes)
         assert found.mean() == pytest.approx(1.0)
@@ -207,7 +207,7 @@ def test_robots_are_where_the_importance_asks_for_them() -> None:
         assert 0.5 * abs(found - 0.5 * (asked[1:, 1] + asked[:-1, 1])).mean() < 0.15
 
 
-def test_coverage_costs_less_and_less() -> None:
+def test_the_cost_of_coverage_decreases() -> None:
     *_, cost = axes_of(figure_of("coverage_cells"))
     (course,) = curves(cost)
     assert len(course) == 61

@@ -48,11 +48,11 @@ def test_every_figure_is_drawn(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["seed000_fig4", "seed000_fig8"])
-def test_the_same_figure_comes_out_each_time(name: str, tmp_path: Path) -> None:
+def test_figures_are_reproducible(name: str, tmp_path: Path) -> None:
     assert one(tmp_path / "a", name, "svg") == one(tmp_path / "b", name, "svg")
 
 
-def test_an_unknown_figure_is_refused_with_those_there_are(tmp_path: Path) -> None:
+def test_an_unknown_figure_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"'fig9'.*seed000_fig1.*coverage_cells"):
         next(draw(tmp_path, ["fig9"]))
 
@@ -81,7 +81,7 @@ def test_without_matplotlib_the_extra_is_named(tmp_path: Path, monkeypatch: pyte
         next(draw(tmp_path))
 
 
-def test_the_command_says_what_it_has_drawn(tmp_path: Path) -> None:
+def test_the_command_lists_what_it_has_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     result = CliRunner().invoke(main, ["figures", "--out", str(tmp_path), "--only", "seed001_wheel_speeds"])
     assert result.exit_code == 0, result.output

@@ -19,7 +19,7 @@ def floor(robots: int = 1) -> tuple[Floor, ManualClock]:
     return Floor(plant, clock), clock
 
 
-def test_the_plant_is_as_old_as_the_clock() -> None:
+def test_the_plant_follows_the_clock() -> None:
     there, clock = floor()
     for _ in range(7):
         clock.advance(0.013)
@@ -28,7 +28,7 @@ def test_the_plant_is_as_old_as_the_clock() -> None:
     assert there.plant.time == pytest.approx(0.09, abs=STEP)
 
 
-def test_looking_again_moves_nothing() -> None:
+def test_a_second_reading_at_the_same_time_moves_nothing() -> None:
     there, clock = floor()
     clock.advance(0.1)
     there.catch_up()
@@ -37,7 +37,7 @@ def test_looking_again_moves_nothing() -> None:
     assert there.plant.time == before
 
 
-def test_a_command_counts_from_when_it_was_given() -> None:
+def test_a_command_applies_from_its_time() -> None:
     there, clock = floor()
     wheels = SimulatedWheels(there, 0)
     clock.advance(0.3)  # nobody looked meanwhile, and the robot was stationary
@@ -49,7 +49,7 @@ def test_a_command_counts_from_when_it_was_given() -> None:
     assert 0.03 < x < 0.08  # 0.2 m/s for 0.4 s, less the acceleration at 0.5 m/s^2
 
 
-def test_it_makes_no_difference_how_often_somebody_looks() -> None:
+def test_the_plant_is_independent_of_how_often_it_is_read() -> None:
     ways = []
     for pieces in (1, 40):
         there, clock = floor()
@@ -64,7 +64,7 @@ def test_it_makes_no_difference_how_often_somebody_looks() -> None:
     assert ways[0] == pytest.approx(ways[1])
 
 
-def test_a_freeze_is_lost_time_and_no_blind_drive() -> None:
+def test_after_a_suspension_the_time_is_skipped() -> None:
     there, clock = floor()
     wheels = SimulatedWheels(there, 0)
     wheels.command(0.2, 0.0)
@@ -77,7 +77,7 @@ def test_a_freeze_is_lost_time_and_no_blind_drive() -> None:
     assert clock.now() - STEP < there.catch_up() <= clock.now() + 1e-9
 
 
-def test_each_has_wheels_of_its_own() -> None:
+def test_each_robot_has_its_own_wheels() -> None:
     there, clock = floor(robots=3)
     wheels = [SimulatedWheels(there, row) for row in range(3)]
     wheels[1].command(0.2, 0.0)
@@ -121,7 +121,7 @@ def test_no_hazard_is_on_the_simulated_floor() -> None:
     assert math.isfinite(reading.battery)
 
 
-def test_one_look_at_many_robots_moves_the_plant_once() -> None:
+def test_reading_many_robots_moves_the_plant_once() -> None:
     there, clock = floor(robots=30)
     wheels = [SimulatedWheels(there, row) for row in range(30)]
     steps = 0

@@ -43,7 +43,7 @@ def test_a_progressive_jpeg_states_its_size_too() -> None:
         ("h264", JPEG, "'h264', expected 'jpeg' or 'grey'"),
         ("jpeg", b"", "nothing"),
         ("jpeg", PICTURE.tobytes(), "expected ffd8"),
-        ("jpeg", JPEG[:400], "breaks off"),
+        ("jpeg", JPEG[:400], "truncated"),
         ("jpeg", JPEG[:20], "without a frame header"),
         ("jpeg", b"\xff\xd8" + b"\xff" * 5000, "without a frame header"),
         ("jpeg", b"\xff\xd8\xff\xe0\x00\x00" * 50, "without a frame header"),

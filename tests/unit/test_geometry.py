@@ -115,7 +115,7 @@ def test_what_is_inside_is_clear_of_the_walls(x: float, y: float) -> None:
     assert FLOOR.shrunk(0.2).holds(x, y) == (FLOOR.clearance(x, y) >= 0.2 - 1e-9)
 
 
-def test_a_floor_that_is_shrunk_to_less_than_nothing_holds_nothing() -> None:
+def test_a_floor_shrunk_by_more_than_its_size_contains_nothing() -> None:
     assert (FLOOR.width, FLOOR.height) == (3.0, 1.5)
     assert not FLOOR.shrunk(0.8).holds(-0.5, 0.75)
     assert not FLOOR.holds(math.nan, 0.5)

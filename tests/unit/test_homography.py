@@ -37,7 +37,7 @@ def seen(matrix: np.ndarray, places: np.ndarray) -> list[View]:
     x=st.floats(-2.0, 2.0),
     y=st.floats(-1.4, 1.4),
 )
-def test_four_points_give_back_every_place_of_a_tilted_camera(pitch: float, roll: float, x: float, y: float) -> None:
+def test_four_points_recover_all_positions_of_a_tilted_camera(pitch: float, roll: float, x: float, y: float) -> None:
     matrix = tilted(pitch, roll)
     homography = Homography.fit(seen(matrix, CORNERS), camera="north")
     (view,) = seen(matrix, np.array([[x, y]]))
@@ -128,29 +128,29 @@ class TestRefusals:
         ("views", "problem"),
         [
             (straight_down_view(Bounds(0, 4, 0, 3), 640, 480)[:3], "3 points"),
-            ([View(10 * i, 20 * i, 0.1 * i, 0.2 * i) for i in range(6)], "in a line"),
-            ([View(5, 5, 1, 1)] * 4, "in a line"),
+            ([View(10 * i, 20 * i, 0.1 * i, 0.2 * i) for i in range(6)], "collinear"),
+            ([View(5, 5, 1, 1)] * 4, "collinear"),
             # Three of four in a line.
-            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(200, 0, 2, 0), View(0, 100, 0, -1)], "in a line"),
+            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(200, 0, 2, 0), View(0, 100, 0, -1)], "collinear"),
             # In a line on the floor, yet not in the picture.
-            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(150, 90, 2, 0), View(0, 100, 3, 0)], "in a line"),
+            ([View(0, 0, 0, 0), View(100, 0, 1, 0), View(150, 90, 2, 0), View(0, 100, 3, 0)], "collinear"),
             # Nearly so: a tenth of a pixel decides.
-            ([View(0, 0, 0, 0), View(500, 0.05, 1, 0), View(1000, 0, 2, 0), View(500, 500, 1, -1)], "in a line"),
+            ([View(0, 0, 0, 0), View(500, 0.05, 1, 0), View(1000, 0, 2, 0), View(500, 500, 1, -1)], "collinear"),
             ([View(math.nan, 0, 0, 0), *straight_down_view(Bounds(0, 4, 0, 3), 640, 480)], "nan"),
         ],
     )
-    def test_points_that_fix_no_homography_name_the_camera(self, views: list[View], problem: str) -> None:
+    def test_points_without_a_homography_are_refused_with_the_camera(self, views: list[View], problem: str) -> None:
         with pytest.raises(ConfigError, match=problem) as refusal:
             Homography.fit(views, camera="north")
         assert str(refusal.value).startswith("camera north: points")
 
-    def test_two_swapped_points_are_noticed(self) -> None:
+    def test_two_swapped_points_are_refused(self) -> None:
         a, b, c, d = straight_down_view(Bounds(0, 4, 0, 3), 640, 480)
         swapped = [a, View(b.u, b.v, c.x, c.y), View(c.u, c.v, b.x, b.y), d]
         with pytest.raises(ConfigError, match="folded"):
             Homography.fit(swapped, camera="north")
 
-    def test_y_measured_downwards_is_noticed(self) -> None:
+    def test_y_measured_downwards_is_refused(self) -> None:
         mirrored = [view._replace(y=-view.y) for view in straight_down_view(Bounds(0, 4, 0, 3), 640, 480)]
         with pytest.raises(ConfigError, match="mirrored"):
             Homography.fit(mirrored, camera="north")

@@ -8,7 +8,7 @@ from muro_zenoh.planning.itinerary import Itinerary
 A, B, C = Destination(1.0, 0.5), Destination(-1.0, 0.0, 1.57), Destination(0.3, -0.4, 0.1)
 
 
-def test_the_list_is_gone_to_one_after_the_other() -> None:
+def test_the_list_is_visited_in_order() -> None:
     goals = Itinerary([A, B], pause=2.0)
     assert goals.begin_next(10.0)
     assert goals.current == A
@@ -38,7 +38,7 @@ def test_an_order_replaces_the_goal_and_ends_the_list() -> None:
     assert not goals.begin_next(99.0)
 
 
-def test_a_goal_that_is_given_up_is_named_and_the_next_is_gone_to() -> None:
+def test_a_goal_that_is_given_up_is_named_and_the_next_one_follows() -> None:
     goals = Itinerary([A, B], pause=2.0)
     goals.begin_next(0.0)
     goals.give_up(5.0, "no path")

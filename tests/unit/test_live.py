@@ -27,7 +27,7 @@ def test_the_line_has_the_worst_of_all_robots() -> None:
     )
 
 
-def test_the_line_says_why_robots_do_not_drive() -> None:
+def test_the_line_has_the_reasons_why_robots_do_not_drive() -> None:
     line = line_of(view(rows=[KNOWN, UNKNOWN, HOLDING], radius_error=None, spacing_error=None))
     assert "driving 1/3  radius error -  spacing error -" in line
     assert line.endswith("restarts 1  r2 r3: no report yet")
@@ -55,7 +55,7 @@ def test_the_table_has_a_row_for_each_robot() -> None:
     assert "12 of 60 s   radius error 0.004 m   spacing error 0.031 rad   restarts 1" in lines[0]
 
 
-def test_plain_lines_come_every_five_seconds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plain_line_is_printed_every_five_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     with PlainScreen() as screen:
         for t in (0.3, 0.6, 4.9, 5.1, 9.9, 17.0, 19.9, 20.0):
             screen.show(view(t=t))

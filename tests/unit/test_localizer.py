@@ -21,7 +21,7 @@ TAGS = {mount.id: (f"r{mount.id}", mount) for mount in MOUNTS}
 
 
 class DrawnMarkers:
-    """Stands in for the detector: returns the given markers, and counts the calls."""
+    """Replaces the detector: returns the given markers, and counts the calls."""
 
     family = "DICT_4X4_50"
 
@@ -76,7 +76,7 @@ class TestPoseOfTheBase:
             (TagMount(1, 0.16, x=0.03, y=0.07, yaw=-1.1), Pose2(1.7, -1.2, 3.1)),
         ],
     )
-    def test_the_mount_is_taken_off(self, mount: TagMount, pose: Pose2) -> None:
+    def test_the_mount_is_compensated(self, mount: TagMount, pose: Pose2) -> None:
         detector = DrawnMarkers()
         detector.markers = [drawn(pose, mount)]
         finder = Localizer("north", Homography.fit(VIEWS, camera="north"), detector, {1: ("r1", mount)})  # type: ignore[arg-type]
@@ -261,7 +261,7 @@ class TestSearch:
             finder.locate(BLANK)
         assert detector.wholes == 3
 
-    def test_a_robot_that_passes_under_something_is_found_where_it_comes_out(self) -> None:
+    def test_a_robot_hidden_for_a_moment_is_found_where_it_reappears(self) -> None:
         detector = DrawnMarkers()
         finder = localizer(detector, sweep_every=1000, search_every=1000)
         marker = drawn(Pose2(0, 0, 0), MOUNTS[1])

@@ -1,4 +1,4 @@
-"""The codec: what is sent is what arrives, whoever made it; what is no message is a MessageError and nothing else."""
+"""The codec: messages are the same after a round trip, from any writer; anything else raises MessageError."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ ALONE = speed(seen_by_r1({}))
 CLOSE_AHEAD = speed(seen_by_r1({"r2": (0.6, "tracking")}))
 
 
-def test_a_robot_close_ahead_slows_one_down() -> None:
+def test_a_close_successor_slows_a_robot_down() -> None:
     assert CLOSE_AHEAD < ALONE - 0.02
 
 
@@ -69,7 +69,7 @@ def test_a_neighbour_that_was_stopped_is_not_on_the_ring_while_it_still_moves(st
 
 
 @pytest.mark.parametrize(("age", "snapshot_age"), [(0.4, 0.0), (0.0, 0.4), (0.1, 0.3)])
-def test_a_neighbours_place_is_taken_on_to_now(age: float, snapshot_age: float) -> None:
+def test_a_neighbours_position_is_predicted_to_now(age: float, snapshot_age: float) -> None:
     """By the age of its fix when the snapshot was sent, and by that of the snapshot."""
     driven = 0.2 * 0.4 / 0.8  # at 0.2 m/s, on a circle of 0.8 m
     then = speed(seen_by_r1({"r2": (3.1, "tracking")}))

@@ -89,7 +89,7 @@ def test_each_robot_has_limits_and_a_radius_of_its_own() -> None:
         plant([(0.0, 0.0, 0.0)] * 2, limits=[WheelLimits()])
 
 
-def test_a_hand_moves_a_robot_and_its_encoders_notice_nothing() -> None:
+def test_moving_a_robot_by_hand_does_not_change_its_encoders() -> None:
     robot = plant([(0.0, 0.0, 0.0)])
     drive(robot, 0.2, 0.0, 1.0)
     before = robot.odometry_pose.copy()
@@ -98,7 +98,7 @@ def test_a_hand_moves_a_robot_and_its_encoders_notice_nothing() -> None:
     np.testing.assert_array_equal(robot.odometry_pose, before)
 
 
-def test_the_same_seed_drives_the_same_way() -> None:
+def test_the_same_seed_gives_the_same_motion() -> None:
     ends = []
     for _ in range(2):
         rng = np.random.default_rng(5)
@@ -108,7 +108,7 @@ def test_the_same_seed_drives_the_same_way() -> None:
     np.testing.assert_array_equal(ends[0], ends[1])
 
 
-def test_refuses_what_makes_no_sense() -> None:
+def test_refuses_invalid_arguments() -> None:
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         Plant(np.zeros(3), np.random.default_rng(0))
     with pytest.raises(ValueError, match=r"drive_error 1\.5"):

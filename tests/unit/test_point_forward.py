@@ -26,7 +26,7 @@ ANGLES = st.floats(-math.pi, math.pi)
 
 
 @given(theta=ANGLES, phi=ANGLES, ahead=st.floats(0.05, 0.5))
-def test_the_point_ahead_moves_as_asked(theta: float, phi: float, ahead: float) -> None:
+def test_the_point_ahead_moves_as_commanded(theta: float, phi: float, ahead: float) -> None:
     v, omega = steer_to_angle(theta, phi, 0.3, ahead)
     moves = (
         v * math.cos(theta) - ahead * omega * math.sin(theta),
@@ -81,7 +81,7 @@ def test_arrays_and_floats_agree(reverse_from: float) -> None:
 
 @pytest.mark.parametrize("reverse_from", [math.pi / 2, REVERSE_LIMIT, math.pi])
 @given(x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0), theta=ANGLES)
-def test_go_to_goal_arrives_and_stands_still(reverse_from: float, x: float, y: float, theta: float) -> None:
+def test_go_to_goal_arrives_and_stops(reverse_from: float, x: float, y: float, theta: float) -> None:
     law, pose, backed = GoToGoal(reverse_from=reverse_from), Pose2(0.0, 0.0, theta), False
     for _ in range(800):
         twist = law.twist(pose, x, y)
@@ -97,7 +97,7 @@ def test_go_to_goal_arrives_and_stands_still(reverse_from: float, x: float, y: f
     ("changes", "what"),
     [({"speed": 0.0}, "speed"), ({"ahead": -1.0}, "ahead"), ({"reverse_from": 1.0}, "at least 1.57")],
 )
-def test_a_goal_law_that_cannot_be_is_refused(changes: dict[str, float], what: str) -> None:
+def test_an_invalid_goal_law_is_refused(changes: dict[str, float], what: str) -> None:
     with pytest.raises(ValueError, match=what):
         GoToGoal(**changes)
 

@@ -361,7 +361,7 @@ def test_bears_any_order_of_calls(data: list[tuple[str, float, float, float]]) -
             getattr(robot, what)(t, a, b)
 
 
-def test_settings_that_cannot_be_are_refused() -> None:
+def test_invalid_settings_are_refused() -> None:
     with pytest.raises(ValueError, match=r"scale_max: got 0\.9, expected a number above 1"):
         FilterSettings(scale_max=0.9)
     with pytest.raises(ValueError, match="scale_gate"):

@@ -45,7 +45,7 @@ def on_ring(angles: dict[str, float], circle: Circle, v: float = 0.2) -> dict[st
 
 
 @given(before=RINGS, now=RINGS, clockwise=st.booleans())
-def test_gaps_are_within_a_turn_and_sum_to_one_whoever_came_went_or_overtook(
+def test_gaps_are_within_a_turn_and_sum_to_one_after_any_change_of_order(
     before: dict[str, float], now: dict[str, float], clockwise: bool
 ) -> None:
     order = order_ring(unroll(now, clockwise), order_ring(unroll(before, clockwise), ()))
@@ -75,7 +75,7 @@ def test_the_ring_does_not_depend_on_where_angle_zero_is(angles: dict[str, float
     assert sorted(there.values()) == pytest.approx(sorted(here.values()), abs=1e-6)
 
 
-def test_equal_angles_go_by_name() -> None:
+def test_equal_angles_are_ordered_by_name() -> None:
     angles = {"c": 1.0, "a": 1.0, "b": 1.0}
     assert order_ring(unroll(angles, False), ()) == ("a", "b", "c")
     assert gaps(unroll(angles, False), ("a", "b", "c")) == pytest.approx({"a": 0.0, "b": 0.0, "c": TWO_PI})
@@ -114,7 +114,7 @@ def test_close_pairs_keep_their_order_while_the_ring_turns_through_every_cut() -
         assert ring == ("a", "b", "c", "d", "e")
 
 
-def test_robots_come_and_go() -> None:
+def test_robots_join_and_leave_the_ring() -> None:
     order = order_ring(unroll({"a": 0.0, "b": 1.0, "c": 2.0}, False), ())
     order = order_ring(unroll({"a": 0.0, "c": 2.0}, False), order)
     assert order == ("a", "c")
@@ -144,7 +144,7 @@ def test_the_successor_is_ahead_in_the_direction_of_travel() -> None:
     assert (right.gap, right.gap_behind) == pytest.approx((TWO_PI - 3.0, 0.5))
 
 
-def test_old_neighbours_are_moved_on_by_their_tangential_speed() -> None:
+def test_old_positions_are_advanced_by_the_tangential_speed() -> None:
     circle = Circle(0.0, 0.0, 1.0)
     ring = {"a": RingRobot(1.0, 0.0, math.pi / 2, 0.2, 0.0), "b": RingRobot(0.0, 1.0, math.pi, 0.3, 0.5)}
     assert pursue("a", ring, circle, (), pursuit_law()).gap == pytest.approx(math.pi / 2 + 0.15)
@@ -172,7 +172,7 @@ def test_robots_off_the_ring_do_not_count_and_drive_at_cruise() -> None:
     angle=ANGLE,
     clockwise=st.booleans(),
 )
-def test_speeds_keep_within_their_limits(name: str, gap: float, behind: float, angle: float, clockwise: bool) -> None:
+def test_speeds_stay_within_their_limits(name: str, gap: float, behind: float, angle: float, clockwise: bool) -> None:
     law = law_named(name)
     assert law.v_min <= pursuit_speed(law, gap, behind, 5, angle, 0.8, clockwise) <= law.v_max
 
@@ -248,7 +248,9 @@ def test_a_contrast_beyond_the_speeds_is_refused_with_both_numbers() -> None:
         ([math.inf], [1.0], "inf"),
     ],
 )
-def test_a_bad_importance_table_says_what_is_wrong(angles: list[float], weights: list[float], what: str) -> None:
+def test_an_invalid_importance_table_is_refused_with_the_reason(
+    angles: list[float], weights: list[float], what: str
+) -> None:
     with pytest.raises(ValueError, match=what):
         Importance.from_table(angles, weights)
 

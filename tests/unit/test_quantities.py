@@ -50,7 +50,7 @@ def test_limits(quantity: Quantity, allowed: tuple[Any, ...], refused: tuple[Any
         (Quantity("px", at_least=1.0, at_most=8192.0, whole=True), "a whole number at least 1 and at most 8192 [px]"),
     ],
 )
-def test_what_a_quantity_takes_in_words(quantity: Quantity, words: str) -> None:
+def test_a_quantity_describes_its_limits(quantity: Quantity, words: str) -> None:
     assert str(quantity) == words
 
 

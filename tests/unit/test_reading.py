@@ -72,17 +72,17 @@ def test_an_empty_table_is_the_default() -> None:
     assert read(Outer) == Outer(Parameters())
 
 
-def test_the_keys_of_nested_dataclasses_stand_beside_the_others() -> None:
+def test_the_keys_of_nested_dataclasses_are_lifted() -> None:
     assert read(Parameters, v_min=0.2, turning_radius=1) == Parameters(Profile(0.2, 0.4), turning_radius=1.0)
     assert read(Outer, v_min=0.2, name="deep") == Outer(Parameters(Profile(0.2, 0.4)), "deep")
 
 
-def test_what_is_not_given_is_as_in_the_outer_default() -> None:
+def test_missing_keys_have_the_outer_default() -> None:
     assert read(Parameters, gain=5.0).law == Lqr(0.02, 5.0)
     assert read(Parameters, law="lqr").law == Lqr(0.02)
 
 
-def test_a_name_picks_one_of_several() -> None:
+def test_a_name_selects_a_choice() -> None:
     assert read(Parameters, law="vector_field", k_o=3).law == Field(3.0)
     assert read(Parameters, law="vector_field", gain=3.0).law == Field(gain=3.0)
     assert read(Outer, law="vector_field").inner.law == Field()
@@ -108,24 +108,24 @@ WRONG: list[tuple[type, dict[str, object], str]] = [
     (
         Parameters,
         {"v_mim": 0.1},
-        "lab.toml: behaviour.v_mim: got a key that nothing reads, expected one of v_min, v_max, law, ",
+        "lab.toml: behaviour.v_mim: got an unknown key, expected one of v_min, v_max, law, ",
     ),
     (Parameters, {"v_mim": 0.1}, "Did you mean v_min?"),
-    (Parameters, {"profile": {}}, "lab.toml: behaviour.profile: got a key that nothing reads"),
+    (Parameters, {"profile": {}}, "lab.toml: behaviour.profile: got an unknown key"),
     (Parameters, {"law": "lqg"}, "lab.toml: behaviour.law: got 'lqg' (text), expected one of 'vector_field', 'lqr'"),
     (Parameters, {"law": "lqg"}, "Did you mean 'lqr'?"),
     (Parameters, {"law": 3}, "lab.toml: behaviour.law: got 3 (integer), expected one of 'vector_field', 'lqr'"),
     (
         Parameters,
         {"k_o": 3.0},
-        'lab.toml: behaviour.k_o: got a key of law = "vector_field", which is not chosen, expected one of v_min, '
+        'lab.toml: behaviour.k_o: got a key of law = "vector_field", which is not selected, expected one of v_min, '
         "v_max, law, radial_size, gain, peaks, floor, turning_radius, fixes. "
         'Set law = "vector_field", or remove k_o.',
     ),
     (
         Outer,
         {"law": "vector_field", "radial_size": 0.1},
-        'lab.toml: behaviour.radial_size: got a key of law = "lqr", which is not chosen',
+        'lab.toml: behaviour.radial_size: got a key of law = "lqr", which is not selected',
     ),
     (Parameters, {"floor": 0.1}, "lab.toml: behaviour.peaks: got nothing, expected an array of an array of a number"),
     (Parameters, {"peaks": [[float("inf")]]}, "lab.toml: behaviour.peaks: got [[inf]] (array), expected an array of"),
@@ -153,7 +153,7 @@ def test_the_element_of_an_array_is_where_the_array_is() -> None:
 def test_an_error_keeps_its_parts() -> None:
     with pytest.raises(ConfigError) as caught:
         read(Parameters, v_min=0.5)
-    assert caught.value.where == "lab.toml: behaviour.v_min"
+    assert caught.value.what == "lab.toml: behaviour.v_min"
     assert (caught.value.got, caught.value.expected) == ("0.5", "at most v_max, 0.4")
 
 
@@ -205,7 +205,7 @@ class Nameless:
         (int, "int: expected a dataclass or a Struct"),
     ],
 )
-def test_a_schema_in_which_a_key_would_mean_two_things_is_refused(kind: type, said: str) -> None:
+def test_a_schema_with_an_ambiguous_key_is_refused(kind: type, said: str) -> None:
     with pytest.raises(TypeError, match=re.escape(said)):
         check_schema(kind)
     with pytest.raises(TypeError, match=re.escape(said)):

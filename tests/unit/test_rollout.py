@@ -38,13 +38,13 @@ def test_the_same_seed_gives_the_same_bits(settings: LoopSettings) -> None:
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.08, 0.13])
 def test_its_filter_is_the_agents(delay: float) -> None:
-    """The agent's filter, fed with what one robot of a rollout heard and did, sees what the rollout sees."""
+    """The agent's filter, with the fixes and commands of one robot of a rollout, gives the rollout's estimate."""
     settings = replace(NOISY, delay=delay)
     fleet = Fleet(starts(3), settings, np.random.default_rng(1))
     robot = 1
     agent = PoseFilter(settings.filter, settings.wheels)
     seen: list[State] = []
-    heard: Fix | None = None
+    received: Fix | None = None
     covariance = (settings.fix_sigma**2, 0, 0, 0, settings.fix_sigma**2, 0, 0, 0, settings.fix_sigma_theta**2)
 
     def policy(t: float, now: State) -> tuple[np.ndarray, np.ndarray]:
@@ -59,8 +59,8 @@ def test_its_filter_is_the_agents(delay: float) -> None:
         t = fleet.time
         fleet.step(policy, watch)
         captured = fleet.time - fleet.fix_age
-        if fleet.newest_fix is not heard:
-            heard = z = fleet.newest_fix
+        if fleet.newest_fix is not received:
+            received = z = fleet.newest_fix
             assert z is not None
             agent.fix(captured, z.x[robot], z.y[robot], z.theta[robot], covariance)
         # What the law saw at t was under the command before it.
@@ -93,7 +93,7 @@ def test_commands_are_calibrated_then_limited() -> None:
     np.testing.assert_allclose(fleet.command, [[0.3, -0.5]] * 50)
 
 
-def test_settings_that_cannot_be_are_refused() -> None:
+def test_invalid_settings_are_refused() -> None:
     with pytest.raises(ValueError, match=r"period 0\.5 s"):
         LoopSettings(period=0.5)
     with pytest.raises(ValueError, match=r"delay -1\.0 s"):

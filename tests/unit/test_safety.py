@@ -17,12 +17,12 @@ from muro_zenoh.safety.stop import FAR, StopLatch
 # ---- the stop latch
 
 
-def hear(latch: StopLatch, revision: int, *names: str, everybody: bool = False) -> StopLatch:
-    return latch.hear("r1", everybody=everybody, names=names, revision=revision)
+def receive(latch: StopLatch, revision: int, *names: str, all_robots: bool = False) -> StopLatch:
+    return latch.receive("r1", all_robots=all_robots, names=names, revision=revision)
 
 
-FREE = hear(StopLatch(), 5)
-"""A robot that heard revision 5, which stops nobody."""
+FREE = receive(StopLatch(), 5)
+"""A robot that received revision 5, which stops no robot."""
 
 orders = st.lists(
     st.tuples(st.integers(0, 6), st.booleans(), st.lists(st.sampled_from(["r1", "r2", "ghost"]), max_size=2)),
@@ -30,115 +30,120 @@ orders = st.lists(
 )
 
 
-def test_who_heard_nothing_stands() -> None:
+def test_without_any_order_the_robot_must_not_drive() -> None:
     latch = StopLatch()
     assert not latch.may_drive
-    assert latch.reason == "no stop state received yet"
+    assert latch.reason == "no stop state received yet: waiting for the base station"
 
 
 @pytest.mark.parametrize("revision", [1, 5])
-def test_the_first_state_heard_frees_whatever_its_revision(revision: int) -> None:
-    latch = hear(StopLatch(), revision)
+def test_the_first_state_received_frees_the_robot_at_any_revision(revision: int) -> None:
+    latch = receive(StopLatch(), revision)
     assert latch.may_drive
     assert latch.reason == ""
     assert latch.revision == revision
 
 
-def test_an_order_that_stops_others_and_knows_no_state_frees_nobody() -> None:
+def test_an_order_of_revision_0_that_stops_others_frees_no_robot() -> None:
     # `muro stop r2` with no base station: r1, which joins later, must not take it for the lab's state.
-    latch = hear(StopLatch(), 0, "r2")
+    latch = receive(StopLatch(), 0, "r2")
     assert not latch.may_drive
-    assert not latch.heard
-    assert hear(FREE, 0, "r2").may_drive
+    assert not latch.received
+    assert receive(FREE, 0, "r2").may_drive
 
 
 def test_a_first_state_that_stops_is_latched() -> None:
-    latch = hear(StopLatch(), 0, everybody=True)
+    latch = receive(StopLatch(), 0, all_robots=True)
     assert not latch.may_drive
     assert latch.reason == "stopped by order (all robots)"
 
 
 @pytest.mark.parametrize("revision", [0, 4, 5, 6])
-def test_a_stop_is_taken_at_any_revision(revision: int) -> None:
-    latch = hear(FREE, revision, everybody=True)
+def test_a_stop_is_accepted_at_any_revision(revision: int) -> None:
+    latch = receive(FREE, revision, all_robots=True)
     assert latch.stopped
     assert latch.revision == max(5, revision)
 
 
 @pytest.mark.parametrize("revision", [0, 4, 5])
 def test_a_stop_wins_ties_and_against_older_states(revision: int) -> None:
-    stopped = hear(FREE, 5, everybody=True)
-    assert hear(stopped, revision) == stopped
+    stopped = receive(FREE, 5, all_robots=True)
+    assert receive(stopped, revision) == stopped
 
 
 def test_a_newer_state_lifts_a_stop() -> None:
-    latch = hear(hear(FREE, 5, everybody=True), 6)
+    latch = receive(receive(FREE, 5, all_robots=True), 6)
     assert latch.may_drive
-    assert not latch.everybody
+    assert not latch.all_robots
     assert latch.revision == 6
 
 
-def test_one_is_stopped_by_name_and_others_are_not() -> None:
-    assert hear(FREE, 6, "r1").reason == "stopped by order"
-    assert hear(FREE, 6, "r2", "ghost").may_drive
+def test_a_stop_by_name_stops_only_that_robot() -> None:
+    assert receive(FREE, 6, "r1").reason == "stopped by order"
+    assert receive(FREE, 6, "r2", "ghost").may_drive
 
 
 def test_a_stop_of_others_lifts_nothing_unless_it_is_newer() -> None:
-    stopped = hear(FREE, 5, "r1")
-    assert hear(stopped, 5, "r2").stopped
-    assert hear(stopped, 6, "r2").may_drive
+    stopped = receive(FREE, 5, "r1")
+    assert receive(stopped, 5, "r2").stopped
+    assert receive(stopped, 6, "r2").may_drive
 
 
-def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
-    latch = hear(hear(FREE, 6, everybody=True), 6, "r1")
-    assert latch.everybody
+def test_a_stop_by_name_does_not_reduce_a_stop_of_all() -> None:
+    latch = receive(receive(FREE, 6, all_robots=True), 6, "r1")
+    assert latch.all_robots
 
 
 @pytest.mark.parametrize("absurd", [2**53 + 1, 2**64 - 1])
-def test_a_revision_that_no_count_can_reach_stops_but_lifts_nothing_and_is_not_remembered(absurd: int) -> None:
-    assert hear(FREE, absurd) == FREE
-    assert hear(hear(FREE, 6, "r1"), absurd).stopped
-    stopped = hear(FREE, absurd, everybody=True)
+def test_an_absurd_revision_stops_but_lifts_nothing_and_is_not_remembered(absurd: int) -> None:
+    assert receive(FREE, absurd) == FREE
+    assert receive(receive(FREE, 6, "r1"), absurd).stopped
+    stopped = receive(FREE, absurd, all_robots=True)
     assert stopped.stopped
-    assert hear(stopped, 6).may_drive  # the base station can lift it
+    assert receive(stopped, 6).may_drive  # the base station can lift it
 
 
 @pytest.mark.parametrize("poison", [5 + FAR, 5 + FAR + 1, 2**40, 2**53 - 1, 2**53])
 def test_a_revision_that_is_far_ahead_does_not_outlast_the_next_true_order(poison: int) -> None:
     # Whoever said it: the base station has counted to 5 and goes on from there.
-    poisoned = hear(FREE, poison, everybody=True)
+    poisoned = receive(FREE, poison, all_robots=True)
     assert poisoned.stopped
-    assert hear(poisoned, 5).may_drive
-    assert hear(hear(poisoned, 5, "r1"), 6).may_drive
+    assert receive(poisoned, 5).may_drive
+    assert receive(receive(poisoned, 5, "r1"), 6).may_drive
 
 
 def test_an_order_that_is_a_little_behind_stays_older() -> None:
-    stopped = hear(FREE, 5 + FAR - 1, everybody=True)
-    assert hear(stopped, 5).stopped
+    stopped = receive(FREE, 5 + FAR - 1, all_robots=True)
+    assert receive(stopped, 5).stopped
 
 
 def test_an_operator_who_knows_no_revision_makes_nobody_forget_his() -> None:
-    latch = hear(FREE, 2**40)
-    assert hear(latch, 0, "r2") == latch
-    assert hear(latch, 0, "r1").revision == 2**40
+    latch = receive(FREE, 2**40)
+    assert receive(latch, 0, "r2") == latch
+    assert receive(latch, 0, "r1").revision == 2**40
 
 
-def test_a_newer_order_that_names_some_is_no_order_to_everybody_any_more() -> None:
-    # `muro stop`, then `muro resume r2`: said to be one to everybody, the base station would take it over as that.
-    latch = hear(hear(FREE, 6, everybody=True), 7, "r1", "r3")
+def test_an_absurd_revision_is_no_stop_state() -> None:
+    assert not receive(StopLatch(), 2**53 + 1).received
+    assert receive(StopLatch(), 2**53).revision == 2**53
+
+
+def test_a_newer_order_by_name_replaces_an_order_to_all() -> None:
+    # `muro stop`, then `muro resume r2`: reported as a stop of all robots, the base station would adopt it as such.
+    latch = receive(receive(FREE, 6, all_robots=True), 7, "r1", "r3")
     assert latch.reason == "stopped by order"
-    assert not latch.everybody
+    assert not latch.all_robots
 
 
 @given(orders)
 def test_the_revision_never_falls_and_a_stop_is_always_obeyed(said: list[tuple[int, bool, list[str]]]) -> None:
     latch = StopLatch()
-    for revision, everybody, names in said:
+    for revision, all_robots, names in said:
         before = latch
-        latch = latch.hear("r1", everybody=everybody, names=names, revision=revision)
+        latch = latch.receive("r1", all_robots=all_robots, names=names, revision=revision)
         assert latch.revision == max(before.revision, revision)
-        assert latch.heard == (before.heard or revision > 0 or everybody or "r1" in names)
-        if everybody or "r1" in names:
+        assert latch.received == (before.received or revision > 0 or all_robots or "r1" in names)
+        if all_robots or "r1" in names:
             assert not latch.may_drive
         elif before.stopped and revision <= before.revision:
             assert latch == before
@@ -147,9 +152,9 @@ def test_the_revision_never_falls_and_a_stop_is_always_obeyed(said: list[tuple[i
 @given(orders)
 def test_repetition_changes_nothing(said: list[tuple[int, bool, list[str]]]) -> None:
     latch = StopLatch()
-    for revision, everybody, names in said:
-        latch = latch.hear("r1", everybody=everybody, names=names, revision=revision)
-        assert latch.hear("r1", everybody=everybody, names=names, revision=revision) == latch
+    for revision, all_robots, names in said:
+        latch = latch.receive("r1", all_robots=all_robots, names=names, revision=revision)
+        assert latch.receive("r1", all_robots=all_robots, names=names, revision=revision) == latch
 
 
 # ---- the gate
@@ -167,23 +172,28 @@ def test_a_fresh_robot_may_drive() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fix_age", "reason"), [(math.inf, "no pose yet"), (0.5, "no pose for 0.5 s"), (math.nan, "no pose for nan s")]
+    ("fix_age", "reason"),
+    [
+        (math.inf, "no pose yet: waiting for a camera to see this robot"),
+        (0.5, "no pose for 0.5 s"),
+        (math.nan, "no pose for nan s"),
+    ],
 )
-def test_a_stale_pose_stands(fix_age: float, reason: str) -> None:
+def test_a_stale_pose_stops_the_robot(fix_age: float, reason: str) -> None:
     assert stand(fix_age=fix_age) == (reason,)
 
 
 @pytest.mark.parametrize("twist_age", [0.26, math.inf, math.nan])
-def test_a_silent_behaviour_stands(twist_age: float) -> None:
+def test_a_behaviour_that_times_out_stops_the_robot(twist_age: float) -> None:
     assert stand(twist_age=twist_age) == ("no command from the behaviour",)
 
 
-def test_a_behaviour_that_holds_is_not_called_silent() -> None:
+def test_a_behaviour_that_holds_has_not_timed_out() -> None:
     assert stand(twist_age=9.0, hold="no circle received yet") == ("no circle received yet",)
 
 
-def test_all_reasons_come_the_most_important_first() -> None:
-    stopped = hear(FREE, 6, everybody=True)
+def test_reasons_are_ordered_by_importance() -> None:
+    stopped = receive(FREE, 6, all_robots=True)
     assert stand(stopped, 2.0, 9.0) == (
         "stopped by order (all robots)",
         "no pose for 2.0 s",
@@ -192,12 +202,12 @@ def test_all_reasons_come_the_most_important_first() -> None:
 
 
 @given(
-    st.sampled_from([StopLatch(), FREE, hear(FREE, 6, "r1")]),
+    st.sampled_from([StopLatch(), FREE, receive(FREE, 6, "r1")]),
     st.floats(),
     st.floats(),
     st.sampled_from(["", "the behaviour is hold"]),
 )
-def test_driving_needs_everything(latch: StopLatch, fix_age: float, twist_age: float, hold: str) -> None:
+def test_driving_requires_all_conditions(latch: StopLatch, fix_age: float, twist_age: float, hold: str) -> None:
     may = stand(latch, fix_age, twist_age, hold) == ()
     assert may == (latch.may_drive and fix_age <= 0.4 and twist_age <= 0.25 and not hold)
 
@@ -209,7 +219,7 @@ def command(v: float, omega: float, cal_v: float = 1.0, cal_omega: float = 1.0) 
     return calibrate_and_limit(Twist2(v, omega), cal_v=cal_v, cal_omega=cal_omega, v_max=0.5, omega_max=1.5)
 
 
-def test_calibration_comes_once_and_before_the_limits() -> None:
+def test_calibration_is_applied_once_before_the_limits() -> None:
     assert command(0.2, 1.0, cal_v=1.25, cal_omega=0.8) == Twist2(0.25, 0.8)
     assert command(0.45, 1.4, cal_v=1.25, cal_omega=1.25) == Twist2(0.5, 1.5)
 
@@ -220,19 +230,19 @@ def test_both_speeds_saturate_on_both_sides(v: float, omega: float) -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_twist_that_is_not_finite_is_no_twist(bad: float) -> None:
+def test_a_twist_that_is_not_finite_gives_zero(bad: float) -> None:
     assert command(bad, 1.0) == STILL
     assert command(0.2, bad) == STILL
     assert command(0.2, 1.0, cal_v=bad) == STILL
     assert command(0.2, 1.0, cal_omega=bad) == STILL
 
 
-def test_a_product_that_overflows_is_no_twist() -> None:
+def test_a_product_that_overflows_gives_zero() -> None:
     assert command(1e308, 0.0, cal_v=1e10) == STILL
 
 
 @given(st.floats(), st.floats(), st.floats(), st.floats())
-def test_no_command_is_ever_above_the_limits(v: float, omega: float, cal_v: float, cal_omega: float) -> None:
+def test_no_command_exceeds_the_limits(v: float, omega: float, cal_v: float, cal_omega: float) -> None:
     out = command(v, omega, cal_v, cal_omega)
     assert abs(out.v) <= 0.5
     assert abs(out.omega) <= 1.5

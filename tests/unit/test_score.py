@@ -26,14 +26,14 @@ from muro_zenoh.planning.path import Path as PlannedPath
 from muro_zenoh.planning.path import Segment
 from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
-from muro_zenoh.scoring.checks import CHECKS, judged_checks
+from muro_zenoh.scoring.checks import CHECKS, Judged, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
 from muro_zenoh.scoring.deployment import Deployment
-from muro_zenoh.scoring.expectations import Asked
+from muro_zenoh.scoring.expectations import Expectations
 from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
-from muro_zenoh.scoring.sheet import ProcessUse, ScoreSheet
+from muro_zenoh.scoring.sheet import CheckResult, ProcessUse, ScoreSheet
 from muro_zenoh.scoring.spread import percentile
 from muro_zenoh.supervision.run import RunResult
 
@@ -141,7 +141,7 @@ def test_percentiles_are_numpy_s(values: list[float], percent: int) -> None:
     assert percentile(values, percent) == pytest.approx(float(np.percentile(values, percent)), abs=1e-9)
 
 
-def test_a_percentile_of_nothing_is_not_known() -> None:
+def test_a_percentile_of_no_values_is_none() -> None:
     assert percentile([], 50) is None
 
 
@@ -155,7 +155,7 @@ RESTING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
 PATHS = {f"r{k + 1}": (Planned(0.0, PlannedPath(Pose2(k, 0.49, 0.0), (Segment(5.0, 0.0),))),) for k in range(3)}
 
 
-ASKED = Asked(
+EXPECTED = Expectations(
     follows_circle=True,
     spreads=True,
     importance=Importance.from_function(lambda angle: 1.0),
@@ -165,7 +165,7 @@ ASKED = Asked(
 )
 
 
-def observed(asked: dict[str, Any] | None = None, **changes: Any) -> Observed:
+def observed(expected: dict[str, Any] | None = None, **changes: Any) -> Observed:
     """60 s of three robots: 20 s off the circle and bunched, then 0.01 m off and evenly spread but for 0.02 rad."""
     third = 2 * math.pi / 3
     samples = [Sample(k / 10, ring(0.0, 0.5, 1.0, radius=1.0), CIRCLE, DRIVING) for k in range(200)]
@@ -191,7 +191,7 @@ def observed(asked: dict[str, Any] | None = None, **changes: Any) -> Observed:
         "paths": PATHS,
         "command_ratio": 0.7,
         "seen": {"r1", "r2", "r3"},
-        "asked": ASKED._replace(**(asked or {})),
+        "expected": EXPECTED._replace(**(expected or {})),
     }
     return Observed(**{**seen, **changes})
 
@@ -265,22 +265,22 @@ UNEVEN = Importance.from_function(lambda angle: 1.2 + math.sin(angle))
         ("collisions", 1, {"collisions": 1}),
         ("collisions", None, {"collisions": None}),
         ("radius_error_p95", None, {"samples": []}),
-        ("goals_missed", 1, {"asked": {"goals": {"r1": ((2.0, 0.5),)}}}),
-        ("goals_missed", None, {"asked": {"goals": {}}}),
-        ("goal_distance", 0.06, {"asked": {"goals": {"r1": ((0.44, 0.51),)}}}),
-        ("goal_heading", 0.2, {"asked": {"goals": {"r1": ((0.5, 0.51, -0.1),)}}}),
+        ("goals_missed", 1, {"expected": {"goals": {"r1": ((2.0, 0.5),)}}}),
+        ("goals_missed", None, {"expected": {"goals": {}}}),
+        ("goal_distance", 0.06, {"expected": {"goals": {"r1": ((0.44, 0.51),)}}}),
+        ("goal_heading", 0.2, {"expected": {"goals": {"r1": ((0.5, 0.51, -0.1),)}}}),
         ("tracking_error_p95", 0.04, {"paths": {"r1": BESIDE}}),
-        ("peak_speed_ratio", 0.2 / 0.11, {"asked": {"v_min": 0.11}}),
+        ("peak_speed_ratio", 0.2 / 0.11, {"expected": {"v_min": 0.11}}),
         ("peak_speed_ratio", None, {"paths": {**PATHS, "r3": ()}}),
         ("command_ratio", 1.01, {"command_ratio": 1.01}),
         ("command_ratio", None, {"command_ratio": None}),
-        ("coverage_distance", 0.04, {"asked": {"deployment": HIGHER}}),
+        ("coverage_distance", 0.04, {"expected": {"deployment": HIGHER}}),
         # A third robot whose cell is 1.6 m wide, against three of 1.2 m.
-        ("coverage_gain", 1 - 0.732 / 0.95236, {"asked": {"deployment": WIDER}}),
+        ("coverage_gain", 1 - 0.732 / 0.95236, {"expected": {"deployment": WIDER}}),
         ("coverage_rise", None, {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
         ("coverage_distance", None, {"samples": [Sample(0.0, {}, CIRCLE, DRIVING)]}),
         # About 1 / (1.2 pi), as of robots that are everywhere alike; they have not quite been.
-        ("density_error", pytest.approx(0.265, abs=0.03), {"asked": {"importance": UNEVEN}}),
+        ("density_error", pytest.approx(0.265, abs=0.03), {"expected": {"importance": UNEVEN}}),
     ],
 )
 def test_a_check_that_is_not_met_fails_the_run(check: str, value: Any, changes: dict[str, Any]) -> None:
@@ -421,7 +421,7 @@ def test_the_summary_of_a_quiet_run_says_nothing_of_stops_and_failures() -> None
 @pytest.mark.parametrize(
     ("changes", "checks", "line"),
     [
-        ({}, Checks(), "nothing was checked: the scenario sets no [checks]"),
+        ({}, Checks(), "nothing was checked: the scenario has no [checks]"),
         ({"ended": "failed"}, ALL_CHECKS, "NOT PASSED (failed)"),
         ({"ended": "interrupted"}, Checks(), "NOT PASSED (interrupted; nothing was checked)"),
         ({"collisions": 2, "command_ratio": 1.1}, ALL_CHECKS, "NOT PASSED (collisions, command_ratio not met)"),
@@ -441,7 +441,7 @@ def test_the_summary_says_what_kept_robots_from_driving() -> None:
     seen = observed(samples=samples, seen={"r1"}, failures={"r2": "behaviour lab:swim: out of water"})
     lines = [" ".join(line.split()) for line in summary(score_run(seen, ALL_CHECKS)).splitlines()]
     assert "stop order r1 for 12.4 s" in lines
-    assert "never seen r2 r3: no camera saw them" in lines
+    assert "never seen r2 r3 (by any camera)" in lines
     assert "r2: behaviour lab:swim: out of water" in lines
 
 
@@ -500,6 +500,33 @@ def test_a_check_in_the_report_is_in_the_unit_of_its_limit() -> None:
     assert sheet["checks"]["fix_rate"]["value"] == 19.5, "the worst robot's"
 
 
+class TwoMore(Checks, frozen=True, kw_only=True):
+    quick: Annotated[Period | None, at_most("pose_to_command_ms.p99")] = None
+    apart: Annotated[Length | None, at_least("min_separation_m")] = None
+
+
+def test_a_section_may_declare_more_checks_each_in_the_unit_of_its_limit() -> None:
+    assert judged_checks(TwoMore)[: len(CHECKS)] == CHECKS
+    assert judged_checks(TwoMore)[len(CHECKS) :] == (
+        Judged("quick", at_most("pose_to_command_ms.p99"), "s", 1e-3),
+        Judged("apart", at_least("min_separation_m"), "m", 1.0),
+    )
+
+
+@pytest.mark.parametrize(("separation", "passed"), [(0.299, False), (0.3, True), (0.301, True), (None, False)])
+def test_a_limit_from_below_is_itself_allowed(separation: float | None, passed: bool) -> None:
+    judged = Judged("apart", at_least("min_separation_m"), "m", 1.0)
+    sheet = score_run(observed(min_separation=separation), Checks())
+    assert judged.result(sheet, 0.3) == CheckResult(separation, 0.3, passed)
+
+
+@pytest.mark.parametrize(("collisions", "passed"), [(1, True), (2, True), (3, False)])
+def test_a_limit_from_above_is_itself_allowed(collisions: int, passed: bool) -> None:
+    judged = Judged("collisions", at_most("collisions"), "1", 1.0)
+    sheet = score_run(observed(collisions=collisions), Checks())
+    assert judged.result(sheet, 2) == CheckResult(collisions, 2, passed)
+
+
 class NoSuchKey(Checks, frozen=True, kw_only=True):
     jerk: Annotated[Length | None, at_most("jerk_m_s3")] = None
 
@@ -512,7 +539,7 @@ class WrongUnit(Checks, frozen=True, kw_only=True):
     ("kind", "said"),
     [(NoSuchKey, "check jerk: got 'jerk_m_s3', expected a key of"), (WrongUnit, "separation: got a limit in 's'")],
 )
-def test_a_check_that_looks_at_nothing_is_refused_where_it_is_declared(kind: type[Checks], said: str) -> None:
+def test_a_check_of_an_unknown_key_is_refused_at_its_declaration(kind: type[Checks], said: str) -> None:
     with pytest.raises(TypeError, match=said):
         judged_checks(kind)
 
@@ -520,7 +547,7 @@ def test_a_check_that_looks_at_nothing_is_refused_where_it_is_declared(kind: typ
 # ---- the page
 
 
-def test_the_page_is_what_the_code_says() -> None:
+def test_the_page_matches_the_code() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert page(text) == text, "run python -m muro_zenoh.scoring docs/scoresheet.md"
 

@@ -13,7 +13,7 @@ from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.density import density_error
 from muro_zenoh.scoring.deployment import Deployment, score_deployment
-from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.expectations import expectations_of
 from muro_zenoh.scoring.goals import rests, score_goals, score_tracking
 from muro_zenoh.scoring.observed import Body, Moment, Planned
 
@@ -27,7 +27,7 @@ def track(*spans: tuple[float, float, float, float, float]) -> list[Moment]:
     ]
 
 
-def test_a_rest_is_long_enough_and_ends_where_it_ends() -> None:
+def test_a_rest_has_a_minimum_duration() -> None:
     found = rests(track((0, 2, 0.0, 0.5, 0), (2, 2.4, 1.0, 0.0, 0), (2.4, 4, 1.0, 0.5, 0), (4, 6, 1.8, 0.001, 0)))
     assert [(round(s.begin, 2), round(s.end, 2)) for s in found] == [(4.0, 5.9)]
     assert found[0].body.x == pytest.approx(1.8019)
@@ -65,7 +65,7 @@ def test_tracking_is_the_distance_from_the_path_in_force() -> None:
     assert peak == 0.6
 
 
-def test_speed_on_an_arc_is_no_speed_on_a_straight() -> None:
+def test_the_speed_on_an_arc_is_not_counted_as_one_on_a_straight() -> None:
     arc = Planned(0.0, Path(Pose2(0.0, 0.0, 0.0), (Segment(2.0, -0.01),)))
     errors, peak = score_tracking([arc], track((0, 1, 0.0, 0.5, 0)))
     assert len(errors) == 10
@@ -131,7 +131,7 @@ def spread(count: int, share_of_left: float) -> list[tuple[float, float]]:
     return [(CIRCLE.x + 0.8 * math.cos(a), CIRCLE.y + 0.8 * math.sin(a)) for a in angles]
 
 
-def test_a_density_that_is_kept_and_one_that_is_not() -> None:
+def test_a_density_that_is_achieved_and_one_that_is_not() -> None:
     assert density_error(spread(7200, 0.75), CIRCLE, HALF) == pytest.approx(0.0, abs=2e-3)
     assert density_error(spread(7200, 0.5), CIRCLE, HALF) == pytest.approx(0.25, abs=2e-3)
     even = Importance.from_function(lambda angle: 1.0)
@@ -139,21 +139,21 @@ def test_a_density_that_is_kept_and_one_that_is_not() -> None:
     assert density_error([], CIRCLE, HALF) is None
 
 
-def test_what_the_built_in_scenarios_ask_for() -> None:
-    dubins = asked_of(find_scenario("dubins", 3))
+def test_the_expectations_of_the_built_in_scenarios() -> None:
+    dubins = expectations_of(find_scenario("dubins", 3))
     assert set(dubins.goals) == {"r1", "r2", "r3"}
     assert dubins.v_min == 0.1
     assert not dubins.follows_circle
-    coverage = asked_of(find_scenario("coverage"))
+    coverage = expectations_of(find_scenario("coverage"))
     assert coverage.deployment is not None
     assert coverage.deployment.floor == Bounds(-2.1, 2.1, -1.5, 1.5)
-    importance = asked_of(find_scenario("importance"))
+    importance = expectations_of(find_scenario("importance"))
     assert (importance.follows_circle, importance.spreads) == (True, False)
     assert importance.importance is not None
     assert importance.importance.contrast == pytest.approx(3.0, abs=1e-3)
-    assert asked_of(find_scenario("pursuit")).spreads
+    assert expectations_of(find_scenario("pursuit")).spreads
 
 
 def test_parameters_that_do_not_fit_are_refused_before_anything_is_scored() -> None:
     with pytest.raises(ConfigError, match="cruise"):
-        asked_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))
+        expectations_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))

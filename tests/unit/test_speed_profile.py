@@ -18,7 +18,7 @@ ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 
 def driven(path: Path, profile: SpeedProfile = PROFILE) -> list[tuple[float, float]]:
-    """Way and speed at each step until it stands still."""
+    """Distance and speed at each step until it stops."""
     s, v, rows = 0.0, 0.0, []
     for _ in range(5000):
         v = path_speed(path, s, v, DT, profile)
@@ -58,7 +58,7 @@ def test_limits_hold_and_it_stops_at_the_end(
         assert v - faster <= deceleration * DT + 1e-9 or path.length - s <= profile.tolerance
         assert faster <= v_max
         if s > 0.0 and s < path.length and path.curvature_at(s) != 0.0:
-            # A step that begins on the straight may carry a little way into the arc.
+            # A step that begins on the straight may end a little inside the arc.
             assert faster <= profile.v_min + deceleration * DT
     assert abs(path.length - rows[-1][0]) <= profile.tolerance
 

@@ -10,7 +10,7 @@ from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import memory_fleet, scenario
 
 
-def test_a_speed_below_zero_is_none() -> None:
+def test_a_negative_speed_is_taken_as_zero() -> None:
     """Backwards the law of the circle leads away from it, and out of the arena."""
 
     async def main() -> None:

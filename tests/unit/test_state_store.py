@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
+import threading
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from basestation.fleet.kept_state import KeptState
+from basestation.fleet.state_file import StateFile
 from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.errors import ConfigError, OrderRefused
 from muro_zenoh.messages import Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder, decode, encode
 from muro_zenoh.safety.stop import FAR, StopLatch
+from tests.support.waiting import seconds
 
 
 def scenario(robots: int = 3, **behaviour: object) -> Scenario:
@@ -96,7 +100,57 @@ async def test_a_refusal_says_how_large_a_circle_may_be() -> None:
         await fresh().set_circle(SetCircle(radius=1.4))
 
 
+async def test_a_circle_on_which_the_fleet_would_touch_is_refused() -> None:
+    """Three robots of 0.177 m radius touch on a circle below 0.2044 m; two do not."""
+    with pytest.raises(OrderRefused, match=r"^order: circle\.radius: got 3 robots on a circle of 0\.2 m"):
+        await fresh().set_circle(SetCircle(radius=0.2))
+    await fresh(robots=2).set_circle(SetCircle(radius=0.2))
+    kept = fresh()
+    await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",)))
+    await kept.set_circle(SetCircle(radius=0.2))  # the one between them does not pursue
+    with pytest.raises(OrderRefused, match=r"^order: circle\.radius: got 3 robots"):
+        await kept.set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": 0.15}, names=("r2",)))
+
+
+async def test_robots_that_pursue_since_different_orders_share_the_circle_all_the_same() -> None:
+    kept = fresh()
+    for name in ("r1", "r2", "r3"):
+        await kept.set_behaviour(SetBehaviour(behaviour="pursuit", names=(name,)))
+    with pytest.raises(OrderRefused, match="got 3 robots on a circle"):
+        await kept.set_circle(SetCircle(radius=0.2))
+
+
 # ---- the behaviours
+
+
+@pytest.mark.parametrize("known", [0, 1, 2])
+async def test_each_robot_begins_with_its_own_goals(known: int, tmp_path: Path) -> None:
+    """Also one that the file, kept for a smaller fleet, does not know."""
+    goals = {"r1": [[0.5, 0.1]], "r2": [[-0.5, 0.2]]}
+
+    def lab(robots: int) -> Scenario:
+        table = {
+            "robots": robots,
+            "behaviour": {"name": "dubins"},
+            "goals": {f"r{i + 1}": goals[f"r{i + 1}"] for i in range(robots)},
+        }
+        return parse_scenario(table, "lab.toml", name="lab")
+
+    path = tmp_path / "state.json"
+    if known:
+        await StateStore(lab(known), path).set_circle(SetCircle(radius=0.7))
+    kept = StateStore(lab(2), path)
+    assert kept.behaviour("r1").parameters == {"goals": ((0.5, 0.1),)}
+    assert kept.behaviour("r2").parameters == {"goals": ((-0.5, 0.2),)}
+
+
+async def test_a_behaviour_carries_the_revision_at_which_it_was_ordered() -> None:
+    kept = fresh()
+    assert kept.behaviour("r1").revision == 0
+    await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r1",)))
+    ordered = kept.revision
+    await kept.set_circle(SetCircle(radius=0.7))
+    assert [kept.behaviour(name).revision for name in ("r1", "r2")] == [ordered, 0]
 
 
 async def test_a_behaviour_order_changes_those_it_names() -> None:
@@ -110,6 +164,32 @@ async def test_a_behaviour_order_without_names_is_for_everybody() -> None:
     kept = fresh()
     await kept.set_behaviour(SetBehaviour(behaviour="hold"))
     assert {kept.behaviour(name).behaviour for name in ("r1", "r2", "r3")} == {"hold"}
+
+
+async def test_a_behaviour_has_the_revision_of_its_own_order(tmp_path: Path) -> None:
+    """A robot whose behaviour failed starts it again at another revision, so other changes must not give it one."""
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",)))
+    ordered = kept.revision
+    assert (kept.behaviour("r1").revision, kept.behaviour("r2").revision) == (0, ordered)
+    await kept.set_circle(SetCircle(radius=0.9))
+    await kept.add_stop(Stop())
+    await kept.resume(Resume(revision=kept.stop.revision))
+    await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r3",)))
+    assert kept.revision > ordered
+    assert kept.behaviour("r2").revision == fresh(path).behaviour("r2").revision == ordered
+    await kept.set_behaviour(SetBehaviour(behaviour="circle", names=("r2",)))
+    assert kept.behaviour("r2").revision == kept.revision
+
+
+async def test_robots_that_do_the_same_share_the_circle_whenever_that_was_ordered() -> None:
+    kept = StateStore(parse_scenario({"robots": 5, "behaviour": {"name": "hold"}}, "lab.toml", name="lab"), None)
+    await kept.set_circle(SetCircle(radius=0.29))  # room for four robots of 0.177 m radius
+    for name in ("r1", "r2", "r3", "r4"):
+        await kept.set_behaviour(SetBehaviour(behaviour="pursuit", names=(name,)))
+    with pytest.raises(OrderRefused, match="5 robots on a circle"):
+        await kept.set_behaviour(SetBehaviour(behaviour="pursuit", names=("r5",)))
 
 
 async def test_a_behaviour_order_to_an_unknown_robot_is_refused() -> None:
@@ -133,7 +213,7 @@ async def test_stops_add_up() -> None:
     assert stopped(kept) == (True, ("r1", "r2"))
 
 
-async def test_a_stop_by_name_does_not_make_one_to_everybody_smaller() -> None:
+async def test_a_stop_by_name_does_not_reduce_a_stop_of_all() -> None:
     kept = fresh()
     await kept.add_stop(Stop())
     await kept.add_stop(Stop(names=("r1",)))
@@ -259,7 +339,7 @@ async def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None
     def publish() -> None:
         for name, latch in latches.items():
             order = kept.stop
-            latches[name] = latch.hear(name, everybody=order.all, names=order.names, revision=order.revision)
+            latches[name] = latch.receive(name, all_robots=order.all, names=order.names, revision=order.revision)
 
     publish()
     await kept.add_stop(Stop())
@@ -267,7 +347,7 @@ async def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None
     await kept.resume(Resume(revision=kept.stop.revision, names=("r1",)))
     publish()
     for name, latch in latches.items():
-        assert not kept.adopt(name, reports(latch.stopped, latch.revision, latch.everybody))
+        assert not kept.adopt(name, reports(latch.stopped, latch.revision, latch.all_robots))
     assert stopped(kept) == (False, ("r2", "r3"))
     assert latches["r1"].may_drive
 
@@ -305,7 +385,7 @@ async def test_a_stop_that_was_lifted_is_not_adopted_again(restarted: bool, tmp_
 async def test_a_stop_kept_since_the_resume_hides_no_other_one_over_a_restart_either(
     restarted: bool, tmp_path: Path
 ) -> None:
-    """r1 received an operator's stop itself; before it has reported it, r2 is stopped, and the base station restarts."""
+    """r1 received an operator's stop itself; before it reports that, r2 is stopped, and the base station restarts."""
     path = tmp_path / "state.json"
     kept = fresh(path)
     await kept.add_stop(Stop())
@@ -345,8 +425,8 @@ async def test_a_newer_revision_is_taken_over_with_a_stop_that_is_kept_already(e
     assert stopped(kept) == (everybody, () if everybody else ("r1",))
     assert kept.stop.revision > 40
     await kept.resume(Resume(revision=kept.stop.revision))
-    latch = StopLatch(heard=True, stopped=True, everybody=everybody, revision=40)
-    lifted = latch.hear("r1", everybody=kept.stop.all, names=kept.stop.names, revision=kept.stop.revision)
+    latch = StopLatch(received=True, stopped=True, all_robots=everybody, revision=40)
+    lifted = latch.receive("r1", all_robots=kept.stop.all, names=kept.stop.names, revision=kept.stop.revision)
     assert lifted.may_drive
 
 
@@ -401,13 +481,13 @@ async def test_every_stop_can_be_lifted_whatever_revision_a_robot_has_received(
     def talk() -> None:
         nonlocal robot
         for _ in range(3):
-            kept.adopt("r1", reports(robot.stopped, max(robot.revision, 0), robot.everybody))
+            kept.adopt("r1", reports(robot.stopped, max(robot.revision, 0), robot.all_robots))
             order = kept.stop
-            robot = robot.hear("r1", everybody=order.all, names=order.names, revision=order.revision)
+            robot = robot.receive("r1", all_robots=order.all, names=order.names, revision=order.revision)
 
     if received:  # one that has just started knows nothing, and believes the first that it receives
         talk()
-    robot = robot.hear("r1", everybody=latched, names=(), revision=poison)
+    robot = robot.receive("r1", all_robots=latched, names=(), revision=poison)
     talk()
     await kept.add_stop(Stop(names=()))
     talk()
@@ -429,14 +509,41 @@ async def test_a_file_with_a_revision_that_nobody_believes_is_counted_anew(tmp_p
     path.write_text(json.dumps({**state, "revision": revision, "stop_revision": revision}))
     kept = fresh(path)
     assert stopped(kept) == (True, ())
-    robot = StopLatch().hear("r1", everybody=True, names=(), revision=min(revision, 2**53))
+    robot = StopLatch().receive("r1", all_robots=True, names=(), revision=min(revision, 2**53))
     for order in (kept.stop, None):
         if order is None:
             await kept.resume(Resume(revision=kept.stop.revision))
             order = kept.stop
-        robot = robot.hear("r1", everybody=order.all, names=order.names, revision=order.revision)
+        robot = robot.receive("r1", all_robots=order.all, names=order.names, revision=order.revision)
     assert robot.may_drive
     kept.close()
+
+
+async def test_a_revision_that_robots_can_have_missed_is_adopted_and_one_of_another_count_is_not() -> None:
+    kept = fresh()
+    known = kept.stop.revision
+    assert kept.adopt("r1", reports(False, known + 2**20)) is None
+    assert kept.stop.revision == known
+    assert kept.adopt("r1", reports(False, known + 2**20 - 1))
+    assert kept.stop.revision == known + 2**20
+
+
+async def test_a_count_that_begins_again_forgets_what_was_lifted(tmp_path: Path) -> None:
+    """No robot accepts a revision above 2**53, so a state that has reached it is counted anew from 1."""
+    path = tmp_path / "state.json"
+    end = msgspec.structs.replace(fresh().state, revision=2**53, stop_revision=2**53, lifted_revision=2**53)
+    path.write_bytes(msgspec.json.encode(end))
+    kept = fresh(path)
+    assert kept.stop.revision == 1
+    # What a robot has latched since is newer than any resume of this count.
+    assert kept.adopt("r1", reports(True, 1))
+    assert kept.stop.names == ("r1",)
+
+
+def test_a_change_is_newer_than_all_that_was_changed_before() -> None:
+    apart = msgspec.structs.replace(fresh().state, revision=3, stop_revision=9)
+    assert apart.with_stop(("r1",), everybody=False).stop_revision == 10
+    assert msgspec.structs.replace(apart, revision=12).with_stop((), everybody=True).stop_revision == 13
 
 
 # ---- the file
@@ -473,6 +580,58 @@ async def test_a_robot_that_the_file_does_not_know_begins_as_the_scenario_says(t
     assert [again.behaviour(name).behaviour for name in ("r1", "r2", "r3")] == ["hold", "hold", "pursuit"]
     assert again.stop == stop  # a newer robot lifts nobody's stop
     assert fresh(path, robots=3).state == again.state
+
+
+async def test_a_state_that_was_fitted_to_another_scenario_is_written_at_once(tmp_path: Path) -> None:
+    """Else a robot would begin anew at each start, at a revision that it has seen."""
+    path = tmp_path / "state.json"
+    await fresh(path, robots=2).add_stop(Stop(names=("r2",)))
+    fitted = fresh(path, robots=3).state
+    assert msgspec.json.decode(path.read_bytes(), type=KeptState) == fitted
+    assert "r3" in fitted.behaviour
+
+
+async def test_a_kept_circle_that_is_not_used_is_named_in_the_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "state.json"
+    await fresh(path).set_circle(SetCircle(radius=1.2))
+    fresh(path)
+    assert caplog.messages == []
+    StateStore(parse_scenario({"robots": 3, "arena": {"y_min": -1.1, "y_max": 1.1}}, "lab.toml", name="lab"), path)
+    (said,) = caplog.messages
+    assert "radius=1.2" in said
+    assert "radius=0.8" in said
+
+
+async def test_a_disk_that_hangs_keeps_two_threads_and_not_the_end_of_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released = threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda fd: released.wait(seconds(30)))
+    file = StateFile(tmp_path / "state.json")
+    state = fresh().state
+    try:
+        writing = [file.write(state) for _ in range(6)]
+        assert sum(thread.name.startswith("state file") for thread in threading.enumerate()) == 2
+        file.close()  # does not wait
+        assert not any(write.done() for write in writing)
+    finally:
+        released.set()
+    await asyncio.gather(*writing)
+
+
+async def test_the_folders_above_the_file_are_made(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "state.json"
+    await fresh(path).add_stop(Stop())
+    assert files_in(path.parent) == ["state.json"]
+    await fresh(path).add_stop(Stop(names=("r1",)))
+
+
+async def test_a_place_where_no_file_can_be_is_refused_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("a file")
+    with pytest.raises(ConfigError, match=r"state\.json: got (File exists|Not a directory)"):
+        await fresh(tmp_path / "a" / "state.json").add_stop(Stop())
 
 
 async def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> None:
@@ -565,8 +724,10 @@ async def test_a_state_with_a_wrong_value_or_key_is_refused(tmp_path: Path) -> N
     await fresh(path).add_stop(Stop())
     good = json.loads(path.read_text())
     for change in (
-        {"circle": [0.0, 0.0, 0.0, False]},
-        {"circle": [0.0, 0.0]},
+        {"circle": {**good["circle"], "radius": 0.0}},
+        {"circle": {**good["circle"], "x": None}},
+        {"circle": {"x": 0.0, "y": 0.0}},
+        {"revision": -1},
         {"stop_all": "yes"},
         {"stop_names": ["R 1"]},
         {"speed": 1.0},
@@ -580,7 +741,7 @@ async def test_a_file_of_the_layout_before_the_circle_was_one_value_is_refused(t
     path = tmp_path / "state.json"
     await fresh(path).add_stop(Stop())
     old = json.loads(path.read_text())
-    old["x"], old["y"], old["radius"], old["clockwise"] = old.pop("circle")
+    old["x"], old["y"], old["radius"], old["clockwise"] = old.pop("circle").values()
     path.write_text(json.dumps(old))
     with pytest.raises(ConfigError, match=r"state\.json: got a file that is no kept state: .*`x`") as caught:
         fresh(path)

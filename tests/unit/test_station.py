@@ -34,6 +34,7 @@ T = TypeVar("T", bound=Message)
 
 LAB = parse_scenario({"robots": 2, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
 SEEN = parse_scenario({"robots": 2, "camera": {"north": {}}}, "lab.toml", name="lab")
+NO_CAMERA = "no camera in the settings: no robot drives without poses"
 BLANK = bytes(1280 * 720)
 
 
@@ -141,7 +142,7 @@ def test_a_resume_is_refused_until_the_robots_have_reported() -> None:
     run_virtually(main())
 
 
-def test_of_two_base_stations_the_second_leaves() -> None:
+def test_of_two_base_stations_the_second_exits() -> None:
     async def main() -> None:
         async with lab() as there, station(there):
             health = there.bus.latest(channels.HEALTH, "basestation")
@@ -156,7 +157,7 @@ def test_of_two_base_stations_the_second_leaves() -> None:
             assert len({received.message.epoch for received in stops.drain()}) == 1
             newest = health.get()
             assert newest is not None
-            assert "another base station is running: end one of them" in newest.message.reasons
+            assert "another base station is running: stop one of them" in newest.message.reasons
 
     run_virtually(main())
 
@@ -198,7 +199,7 @@ def test_the_stop_state_waits_for_the_robots_that_are_alive() -> None:
     run_virtually(main())
 
 
-def test_a_silent_robot_is_not_waited_for_for_ever() -> None:
+def test_the_wait_for_a_silent_robot_has_a_timeout() -> None:
     async def main() -> None:
         async with lab() as there:
             silent = await there.join()
@@ -269,17 +270,17 @@ def test_health_names_the_missing_agents() -> None:
             await asyncio.sleep(1.5)
             newest = health.get()
             assert newest is not None
-            assert newest.message.reasons == ("no agent of r2",)
+            assert newest.message.reasons == ("no agent of r2", NO_CAMERA)
             await agent.close()
             await asyncio.sleep(1.5)
             newest = health.get()
             assert newest is not None
-            assert newest.message.reasons == ("no agent of r1", "no agent of r2")
+            assert newest.message.reasons == ("no agent of r1", "no agent of r2", NO_CAMERA)
 
     run_virtually(main())
 
 
-async def test_a_full_disk_refuses_an_order_with_the_reason_and_stops_all_the_same(
+async def test_on_a_full_disk_orders_are_refused_but_a_stop_is_active(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(fd: int) -> None:

@@ -52,7 +52,7 @@ class Agent:
         latch = self.latch
         said = {
             "stop_latched": latch.stopped,
-            "stop_all": latch.everybody,
+            "stop_all": latch.all_robots,
             "stop_revision": max(latch.revision, 0),
             **changed,
         }
@@ -63,7 +63,7 @@ class Agent:
             if self.deaf:
                 continue
             order, before = received.message, self.latch
-            self.latch = before.hear(self.name, everybody=order.all, names=order.names, revision=order.revision)
+            self.latch = before.receive(self.name, all_robots=order.all, names=order.names, revision=order.revision)
             if self.latch != before:
                 self.report()
 
@@ -162,7 +162,7 @@ async def test_a_robot_that_connects_while_the_stop_is_given_hears_of_it(there: 
     there.network._kept.clear()  # nothing but the repetition can tell it
     late = await there.agents("r1")
     assert (await stopping).robots == {"r1": StopStatus.STOPPED}
-    assert late["r1"].latch.everybody
+    assert late["r1"].latch.all_robots
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ async def test_who_knows_no_state_sends_revision_0_and_stops_only_those_named(th
     result = await stop_robots(there.operator, ("r1",))
     assert result.robots == {"r1": StopStatus.STOPPED}
     assert (agents["r1"].latch.stopped, agents["r1"].latch.revision) == (True, 0)
-    assert not agents["r2"].latch.heard
+    assert not agents["r2"].latch.received
 
 
 @virtual
@@ -208,7 +208,7 @@ async def test_a_stop_by_name_after_one_to_everybody_lifts_nobodys(there: Lab) -
     assert (await stop_robots(there.operator, ("r1",))).confirmed
     await asyncio.sleep(1.0)
     assert store.stop.all
-    assert all(agent.latch.everybody for agent in agents.values())
+    assert all(agent.latch.all_robots for agent in agents.values())
 
 
 @virtual
@@ -216,7 +216,7 @@ async def test_without_a_base_station_a_stop_by_name_lifts_nobodys_either(there:
     agents = await there.agents("r1", "r2")
     assert (await stop_robots(there.operator, ())).confirmed
     assert (await stop_robots(await there.join(Role.OPERATOR), ("r1",))).confirmed
-    assert all(agent.latch.everybody for agent in agents.values())
+    assert all(agent.latch.all_robots for agent in agents.values())
 
 
 # ---- what is taken for confirmed
@@ -242,17 +242,22 @@ async def test_a_late_confirmation_counts(there: Lab) -> None:
     assert (await stopping).robots == {"r1": StopStatus.STOPPED}
 
 
-@virtual
-async def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(there: Lab) -> None:
-    """A frozen agent's lease expires while it is waited for."""
-    agents = await there.agents("r1", "r2", deaf="r2")
-    stopping = asyncio.create_task(stop_robots(there.operator, ()))
-    await asyncio.sleep(1.0)
-    agents["r2"].task.cancel()
-    await agents["r2"].bus.close()
-    result = await stopping
-    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
-    assert not result.confirmed
+@pytest.mark.parametrize("after", [0.3, 1.0])
+def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(after: float) -> None:
+    """A frozen agent's lease expires while the stop is repeated, or while it is waited for."""
+
+    async def run() -> None:
+        async with lab() as there:
+            agents = await there.agents("r1", "r2", deaf="r2")
+            stopping = asyncio.create_task(stop_robots(there.operator, ()))
+            await asyncio.sleep(after)
+            agents["r2"].task.cancel()
+            await agents["r2"].bus.close()
+            result = await stopping
+            assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
+            assert not result.confirmed
+
+    run_virtually(run())
 
 
 @virtual
@@ -280,6 +285,19 @@ async def test_resume_names_who_still_reports_that_he_is_stopped(there: Lab) -> 
     await asyncio.sleep(1.0)
     assert (await resume_robots(there.operator, ())).still_stopped == ()
     assert all(agent.latch.may_drive for agent in agents.values())
+
+
+@virtual
+async def test_a_robot_that_takes_its_time_to_resume_is_waited_for(there: Lab) -> None:
+    agents = await there.agents("r1")
+    await there.base_station()
+    await stop_robots(there.operator, ())
+    agents["r1"].deaf = True
+    resuming = asyncio.create_task(resume_robots(there.operator, ()))
+    await asyncio.sleep(2.0)
+    agents["r1"].report(stop_latched=False)
+    result = await resuming
+    assert (result.reply.accepted, result.still_stopped) == (True, ())
 
 
 @virtual

@@ -195,7 +195,7 @@ def test_health_counts_the_frames_and_repeats_the_complaints() -> None:
             assert reported is not None
             numbers = reported.message.numbers
             assert (numbers["frames"], numbers["bad_frames"], numbers["stale_frames"]) == (4.0, 1.0, 1.0)
-            assert any("m large: is its tag_size right?" in reason for reason in reported.message.reasons)
+            assert any("m: check its tag_size" in reason for reason in reported.message.reasons)
             task.cancel()
             await asyncio.wait({task})
 

@@ -19,7 +19,7 @@ def lab(base: str) -> Scenario:
 
 
 @pytest.mark.parametrize("name", table.names())
-def test_a_file_of_the_folder_drives_wheels_and_its_name_is_the_files(name: str) -> None:
+def test_each_file_of_the_folder_is_a_driver_of_that_name(name: str) -> None:
     assert table.find(name).__module__ == f"agents.base.{name}"
     assert (Path(table.__file__).parent / f"{name}.py").is_file()
 
@@ -36,7 +36,7 @@ def test_simulated_wheels_are_there_and_turn() -> None:
     assert reading.y == 0.0
 
 
-async def test_wheels_that_there_are_not_are_refused_with_those_that_there_are() -> None:
+async def test_unknown_wheels_are_refused_with_the_known_ones() -> None:
     said = r"robot\.r1\.base: got 'hovercraft', expected one of simulated: each is a file in agents/base"
     with pytest.raises(ConfigError, match=f"^lab: {said}"):
         await run_base_process(lab("hovercraft"), "r1")
@@ -45,6 +45,6 @@ async def test_wheels_that_there_are_not_are_refused_with_those_that_there_are()
 
 
 @pytest.mark.parametrize("helper", ["base", "run", "table", "wheels"])
-def test_what_only_helps_is_no_kind_of_wheels(helper: str) -> None:
+def test_helper_modules_are_not_wheels(helper: str) -> None:
     with pytest.raises(ConfigError, match=helper):
         table.check_base(lab(helper), "r1", "lab.toml")

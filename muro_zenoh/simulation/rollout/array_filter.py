@@ -1,4 +1,4 @@
-"""The agent's filter for thousands of robots in lock step: the same EKF, on arrays, with fixes that come in order."""
+"""The agent's filter for thousands of robots in lock step: the same EKF, on arrays, with fixes in order."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from muro_zenoh.estimation.wheel_track import LONGEST_ARC
 
 
 class ArrayFilter:
-    """N filters side by side. All fixes are captured together and arrive together, in order.
+    """N filters in parallel. All fixes are captured together and arrive together, in order.
 
-    Kidnapping has no place here, and no restart.
+    It handles neither kidnapped robots nor restarts.
 
     Args:
         first: the fixes to start from, arrays (N,).
-        settings: what the filters believe.
-        wheels: lag and limits, for looking ahead.
+        settings: the filter's settings.
+        wheels: lag and limits, for the prediction.
     """
 
     def __init__(self, first: Fix, settings: FilterSettings, wheels: WheelLimits) -> None:
@@ -36,21 +36,21 @@ class ArrayFilter:
         self._speeds: Array = np.zeros((2, len(first.x)))
 
     def drove(self, speeds: Array, dt: float) -> None:
-        """Take in the wheels' speeds after another ``dt``.
+        """Add the wheels' speeds after another ``dt``.
 
         Args:
             speeds: of the nominal wheels (2, N): v [m/s], omega [rad/s].
-            dt: since the last call, or since the first fix [s].
+            dt: time since the last call, or since the first fix [s].
         """
         self._since.append((0.5 * (self._speeds + speeds), dt))
         self._speeds = speeds
 
     def fix(self, fix: Fix, since_last: float) -> Array:
-        """Take in the fixes captured ``since_last`` after the ones before.
+        """Update with fixes captured ``since_last`` after the previous ones.
 
         Args:
             fix: the measured poses, arrays (N,).
-            since_last: from capture to capture [s]; must end where a call of :meth:`drove` ended.
+            since_last: time between the captures [s]; it must end where a call of :meth:`drove` ended.
 
         Returns:
             Squared Mahalanobis distances (N,); those beyond the gate were not used.
@@ -75,10 +75,10 @@ class ArrayFilter:
         return taken
 
     def ahead(self, command: Array, horizon: float) -> tuple[Array, Array, Array, Array, Array]:
-        """Pose and true speeds ``horizon`` from now, under the command in force.
+        """Predicted pose and true speeds ``horizon`` from now, under the current command.
 
         Args:
-            command: in force (2, N): v [m/s], omega [rad/s].
+            command: the current command (2, N): v [m/s], omega [rad/s].
             horizon: how far ahead [s]; the speeds are taken as linear within it.
 
         Returns:
@@ -100,7 +100,7 @@ class ArrayFilter:
 
 
 def _gather(pieces: Iterable[tuple[Array, float]]) -> list[tuple[Array, float]]:
-    """Pieces put together to arcs of at most about 50 ms, as the agent's wheel track does."""
+    """Pieces merged into arcs of at most about 50 ms, as the agent's wheel track does."""
     arcs: list[tuple[Array, float]] = []
     for speeds, dt in pieces:
         if arcs and arcs[-1][1] + dt <= LONGEST_ARC:

@@ -1,4 +1,4 @@
-"""Lock-step runs of behaviours: a fleet whose robots do what their agents would, one :class:`Behaviour` each."""
+"""Lock-step runs of behaviours: a fleet in which each robot runs its own :class:`Behaviour`, as its agent would."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from muro_zenoh.simulation.rollout.settings import LoopSettings
 
 
 class BehaviourRun(NamedTuple):
-    """A run, sampled at every move of the plant; all of it is the truth.
+    """The true states of a run, sampled at every step of the plant.
 
     ``time`` (T,) [s]; ``pose`` (T, N, 3): x, y [m, world], theta [rad]; ``twist`` (T, N, 2): v [m/s], omega [rad/s];
-    ``paths``: of each robot, when it planned which path [s].
+    ``paths``: for each robot the planned paths, with the times of planning [s].
     """
 
     time: Array
@@ -36,18 +36,18 @@ def run_behaviours(
     rng: np.random.Generator,
     seconds: float,
 ) -> BehaviourRun:
-    """One fleet does what its behaviours want, from standstill.
+    """Run the behaviours of one fleet from standstill.
 
-    The robots are called r1, r2, ... and see of each other what a snapshot shows: the place of the newest fix and the
-    speeds of the estimate. In a loop that sees the truth they see that.
+    The robots are named r1, r2, ... and see each other as in a snapshot: the position of the newest fix and the speeds
+    of the estimate. In a loop without estimation they see the truth.
 
     Args:
         starts: poses (N, 3): x, y [m, world], theta [rad].
-        behaviours: one of each robot.
-        circle: to follow, for behaviours that do.
+        behaviours: one per robot.
+        circle: the circle, for behaviours that need it.
         settings: the loop.
-        rng: draws all that is random.
-        seconds: how long [s].
+        rng: for everything random.
+        seconds: duration [s].
     """
     fleet = Fleet(starts, settings, rng)
     names = [f"r{k + 1}" for k in range(len(starts))]
@@ -88,12 +88,12 @@ def rows_of(state: State) -> list[State]:
 
 
 def snapshot_of(fleet: Fleet, names: Sequence[str], states: Sequence[State]) -> Snapshot:
-    """What the base station would tell everybody now.
+    """The snapshot that the base station would publish now.
 
     Args:
         fleet: the robots.
-        names: of them.
-        states: of them, as their filters believe.
+        names: the robots' names.
+        states: the robots' estimated states.
     """
     fix = fleet.newest_fix
     if fix is None:

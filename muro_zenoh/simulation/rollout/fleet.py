@@ -21,19 +21,19 @@ _LARGER_THAN_ANY = 3_900_000  # floats; just below the 32 MiB up to which glibc 
 
 
 Policy = Callable[[float, State], tuple[Any, Any]]
-"""``policy(t, ahead) -> (v, omega)``: the speeds wanted of the robots, arrays (N,) [m/s], [rad/s], before calibration;
-``ahead``: where they will be, arrays (N,), when a command given now is felt at the wheels."""
+"""``policy(t, ahead) -> (v, omega)``: the desired speeds, arrays (N,) [m/s], [rad/s], before calibration; ``ahead``:
+the predicted states, arrays (N,), when a command given now takes effect at the wheels."""
 
 
 class Fleet:
-    """N robots in one loop; robots of independent trials may stand side by side in it.
+    """N robots in one loop; they may belong to independent trials.
 
     The same starts, settings and generator give the same bits, on one machine with one numpy.
 
     Args:
         starts: poses (N, 3): x, y [m, world], theta [rad].
         settings: the loop.
-        rng: draws drive errors, slip and the noise of the fixes.
+        rng: for drive errors, slip and the noise of the fixes.
     """
 
     def __init__(self, starts: Array, settings: LoopSettings, rng: np.random.Generator) -> None:
@@ -52,23 +52,23 @@ class Fleet:
         n = len(self.plant)
         self._command: Array = np.zeros((2, n))
         self.filter: ArrayFilter | None = None
-        """The filters, from the first fix on; None before, and in a loop that sees the truth."""
+        """The filters, from the first fix on; None before, and in a loop without estimation."""
         self.newest_fix: Fix | None = None
-        """The fixes that arrived last, arrays (N,); None in a loop that sees the truth."""
+        """The newest fixes that have arrived, arrays (N,); None in a loop without estimation."""
         self._underway: deque[tuple[float, Fix]] = deque()
         self._variances = settings.fix_sigma**2, settings.fix_sigma_theta**2
-        # Within a period the picture is taken so long before the law runs that the fix arrives at a run of the law.
+        # The capture is offset within the period such that the fix arrives exactly when the law runs.
         self._capture = settings.period - math.fmod(settings.delay, settings.period)
         self._steps = 0
         self._last_capture = 0.0
         if settings.estimated:
-            # Robots stand and are seen before anyone gives them a command.
+            # The robots are stationary and seen before the first command.
             self.newest_fix = self._photograph()
             self.filter = ArrayFilter(self.newest_fix, settings.filter, settings.wheels)
 
     @property
     def command(self) -> Array:
-        """The command in force (N, 2): v [m/s], omega [rad/s]. A view."""
+        """The current command (N, 2): v [m/s], omega [rad/s]. A view."""
         return self._command.T
 
     @property
@@ -82,11 +82,11 @@ class Fleet:
         return self.time - self._last_capture
 
     def step(self, policy: Policy, watch: Callable[[float, Array], None] | None = None) -> None:
-        """One period: the fix that is due, the law, calibration and limits, then the plant.
+        """Advance one period: the due fix, the law, calibration and limits, then the plant.
 
         Args:
             policy: the law.
-            watch: called with the time and the true poses (N, 3) after every move of the plant.
+            watch: called with the time and the true poses (N, 3) after every step of the plant.
         """
         settings = self.settings
         t = self.time
@@ -106,12 +106,12 @@ class Fleet:
         self._steps += 1
 
     def ahead(self) -> State:
-        """Where the robots will be, arrays (N,), when a command given now is felt: the filter's own prediction over the
-        wheels' lag; the truth now in a loop that sees it."""
+        """The predicted states, arrays (N,), when a command given now takes effect: the filter's own prediction over
+        the wheels' lag; the current truth in a loop without estimation."""
         return self._seen(self.settings.wheels.lag)
 
     def state(self) -> State:
-        """Where the robots are now, arrays (N,), as their filters believe; the truth in a loop that sees it."""
+        """The estimated states now, arrays (N,); the truth in a loop without estimation."""
         return self._seen(0.0)
 
     def _seen(self, horizon: float) -> State:
@@ -147,6 +147,9 @@ class Fleet:
 
 
 def _keep_freed_memory() -> None:
-    """Have glibc keep what numpy's temporaries free, where it would hand blocks of this size back and fault them in
-    again at every operation: 2.5 times the time with ten thousand robots. It does once it has freed a larger one."""
+    """Make glibc keep memory that numpy's temporaries free.
+
+    By default it returns blocks of this size and faults them in again at every operation: 2.5 times the time with ten
+    thousand robots. It keeps them once it has freed a larger one.
+    """
     np.empty(_LARGER_THAN_ANY)

@@ -1,4 +1,4 @@
-"""Lock-step runs of the laws: circular path following from anywhere, cyclic pursuit from a bunch."""
+"""Lock-step runs of the laws: circular path following from random starts, cyclic pursuit from a bunched start."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from muro_zenoh.simulation.rollout.fleet import Fleet
 from muro_zenoh.simulation.rollout.settings import LoopSettings
 
 _TURNING = 0.1
-"""From this rate on a robot counts as turning [rad/s]: the small corrections of a straight approach show no scale."""
+"""Above this rate a robot counts as turning [rad/s]; the small corrections on straights do not reveal the scale."""
 
 
 class CircleRun(NamedTuple):
-    """A run of circular path following, sampled after every move of the plant.
+    """A run of circular path following, sampled after every step of the plant.
 
-    ``time`` (T,) [s]; ``radius_error`` (T, N): distance from the centre less the radius [m], of the true places;
-    ``scale_error_v``, ``scale_error_omega`` (P, N): drive scales found over hidden ones, less 1, after every period,
-    and ``turned`` (P, N): time for which the wheels had turned by then [s]; empty in a loop without the filter.
+    ``time`` (T,) [s]; ``radius_error`` (T, N): true distance from the centre minus the radius [m];
+    ``scale_error_v``, ``scale_error_omega`` (P, N): estimated over true drive scales, minus 1, after every period, and
+    ``turned`` (P, N): time for which the wheels had turned by then [s]; empty in a loop without the filter.
     """
 
     time: Array
@@ -47,16 +47,16 @@ def follow_circle(
     rng: np.random.Generator,
     seconds: float,
 ) -> CircleRun:
-    """N robots, each alone, follow a circle from standstill.
+    """N independent robots follow a circle from standstill.
 
     Args:
         starts: poses (N, 3): x, y [m, world], theta [rad].
         circle: the circle and the direction of travel.
         law: the circle law.
-        v: speed wanted [m/s].
+        v: desired speed [m/s].
         settings: the loop.
-        rng: draws all that is random.
-        seconds: how long [s].
+        rng: for everything random.
+        seconds: duration [s].
     """
     fleet = Fleet(starts, settings, rng)
     behaviour = CircleFollowing(law, v)
@@ -88,11 +88,11 @@ def follow_circle(
 
 
 class PursuitRun(NamedTuple):
-    """A run of cyclic pursuit, sampled after every move of the plant.
+    """A run of cyclic pursuit, sampled after every step of the plant.
 
-    ``time`` (T,) [s]; ``spacing_error`` (T, trials): max over the robots of \\|gap - 2 pi / N\\| [rad];
-    ``radius_error`` (T, trials): greatest \\|distance from the centre - radius\\| [m]; ``angle`` (T, trials, N): where
-    each robot is, seen from the centre [rad]. All of the true places.
+    ``time`` (T,) [s]; ``spacing_error`` (T, trials): maximum over the robots of \\|gap - 2 pi / N\\| [rad];
+    ``radius_error`` (T, trials): maximum \\|distance from the centre - radius\\| [m]; ``angle`` (T, trials, N): each
+    robot's angle, seen from the centre [rad]. All from the true positions.
     """
 
     time: Array
@@ -110,10 +110,10 @@ def pursue_ring(
     rng: np.random.Generator,
     seconds: float,
 ) -> PursuitRun:
-    """Rings of robots, a trial each, spread on a circle from standstill.
+    """Rings of robots, one per trial, spread on a circle from standstill.
 
-    A robot sees of the others what the snapshot tells: the place of the newest fix and the speed of the estimate, moved
-    on by its age. In a loop that sees the truth it sees that.
+    A robot sees the others as in a snapshot: the position of the newest fix, advanced by the estimated speed times its
+    age. In a loop without estimation it sees the truth.
 
     Args:
         starts: poses (trials, N, 3): x, y [m, world], theta [rad].
@@ -121,8 +121,8 @@ def pursue_ring(
         law: the pursuit law.
         circle_law: the circle law.
         settings: the loop.
-        rng: draws all that is random.
-        seconds: how long [s].
+        rng: for everything random.
+        seconds: duration [s].
     """
     trials, n, _ = starts.shape
     fleet = Fleet(starts.reshape(trials * n, 3), settings, rng)
@@ -153,14 +153,14 @@ def pursue_ring(
 
 
 def ring_angle(fleet: Fleet, ahead: State, circle: Circle) -> Array:
-    """Where the snapshot puts each robot on its way round the circle now (N,) [rad].
+    """Each robot's angle on the circle now, from the snapshot (N,) [rad].
 
-    The place of the newest fix, moved on by its tangential speed times its age, as
-    :func:`muro_zenoh.control.pursuit.ring_angles` does.
+    The position of the newest fix, advanced by the tangential speed times its age, as in
+    :func:`muro_zenoh.control.ring.ring_angles`.
 
     Args:
         fleet: the robots.
-        ahead: where they will be, and at which speeds.
+        ahead: the predicted states.
         circle: the circle.
     """
     fix = fleet.newest_fix
@@ -173,7 +173,7 @@ def ring_angle(fleet: Fleet, ahead: State, circle: Circle) -> Array:
 
 
 def settling_time(time: Array, outside: NDArray[np.bool_]) -> Array:
-    """The time after which nothing is outside any more (N,) [s]; infinite where the last sample still is.
+    """The time after which all samples are inside (N,) [s]; infinite where the last sample is outside.
 
     Args:
         time: of the samples (T,) [s].

@@ -1,4 +1,4 @@
-"""What a lock-step loop is made of: pace, cameras, wheels and limits."""
+"""Settings of a lock-step loop: period, cameras, wheels and limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ REAL_WHEELS = WheelLimits()
 """Wheels with the lag and the limits of a TurtleBot."""
 
 IDEAL_WHEELS = WheelLimits(lag=0.0, a_max=1e9, alpha_max=1e9, brake=1e9)
-"""Wheels that do at once what they are told."""
+"""Wheels that follow the command immediately."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +20,17 @@ class LoopSettings:
     """One robot's loop, from camera to wheel.
 
     Args:
-        period: of the camera and of the law [s]; a fix arrives, the law runs at once, the command holds.
+        period: of the camera and of the law [s]; the law runs when a fix arrives, and the command is held.
         delay: from a picture's capture to the fix's arrival [s].
-        fix_sigma: noise of a fix's x and of its y [m].
-        fix_sigma_theta: noise of a fix's heading [rad].
-        estimated: whether the law sees the filter's estimate; else it sees the truth, at no delay.
+        fix_sigma: standard deviation of a fix's x and y [m].
+        fix_sigma_theta: standard deviation of a fix's heading [rad].
+        estimated: whether the law sees the filter's estimate; otherwise it sees the truth, without delay.
         drive_error: the hidden drive errors are uniform in 1 -+ this.
         slip: of the plant, see :class:`~muro_zenoh.simulation.plant.Plant`.
         wheels: lag and acceleration limits.
-        v_max: largest forward speed commanded [m/s].
-        omega_max: largest turning speed commanded [rad/s].
-        filter: what the filter believes.
+        v_max: maximum forward speed of a command [m/s].
+        omega_max: maximum turning rate of a command [rad/s].
+        filter: the filter's settings.
     """
 
     period: float = 0.05
@@ -56,4 +56,4 @@ NOISY = LoopSettings()
 """The loop of a laboratory: 20 Hz fixes of 2 mm and 0.5 degrees, 80 ms late, 20 % drive error, 0.1 s wheels, EKF."""
 
 CLEAN = LoopSettings(period=0.02, delay=0.0, estimated=False, drive_error=0.0, slip=0.0, wheels=IDEAL_WHEELS)
-"""The loop of a textbook: the truth at 50 Hz, and wheels that do what they are told."""
+"""An ideal loop: the truth at 50 Hz, and wheels that follow the command immediately."""

@@ -1,4 +1,4 @@
-"""How fast it could be done: the references that the laws are measured against."""
+"""Lower bounds on the settling times: the references for the laws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TangentPath(NamedTuple):
     """The shortest Dubins path from each start to any tangent of a circle, driven at nominal speed.
 
     ``full``: time to the end of the path, where it touches the circle (N,) [s]. ``enters``: time from which it stays
-    within the band (N,) [s]; less than ``full``, for a path comes into the band before it ends.
+    within the band (N,) [s]; less than ``full``, because a path enters the band before it ends.
     """
 
     full: Array
@@ -35,12 +35,12 @@ def shortest_tangent_path(
         starts: poses (N, 3): x, y [m, world], theta [rad].
         circle: the circle and the direction of travel.
         v: speed [m/s].
-        omega_max: largest turning speed [rad/s]; the turning radius is ``v / omega_max``.
-        band: on the circle means within this distance [m].
-        tangents: how many points of the circle are tried.
+        omega_max: maximum turning rate [rad/s]; the turning radius is ``v / omega_max``.
+        band: a robot within this distance counts as on the circle [m].
+        tangents: number of points of the circle to try.
 
     Returns:
-        Times at speed ``v``, exact but for the points tried: with the default they are at most 0.2 % too long.
+        Times at speed ``v``, exact except for the discrete tangent points: with the default at most 0.2 % too long.
 
     Source: Dubins, On curves of minimal length, Amer. J. Math. 79, 1957; the words as in seed 004.
     """
@@ -73,21 +73,21 @@ def _enters(path: Path, circle: Circle, band: float) -> float:
 def equal_spacing_bound(
     angles: Array, clockwise: bool, radius: float, v_min: float, v_max: float, tolerance: float = 0.0
 ) -> Array:
-    """The least time in which robots on a circle can space themselves evenly, in the order that they are in.
+    """The minimum time in which robots on a circle can space themselves evenly, in their present order.
 
-    With ``o_k`` the angle of robot k less its place in an even ring, robot k ends at an offset from ``o_k + v_min T/r``
-    to ``o_k + v_max T/r``, and neighbours' offsets, round the ring, may differ by the tolerance: so any two robots' by
-    it times the steps between them. That can be met when it can be met for every two of them::
+    With ``o_k`` the angle of robot k minus its angle in an even ring, robot k ends at an offset from
+    ``o_k + v_min T/r`` to ``o_k + v_max T/r``. The offsets of neighbours on the ring may differ by the tolerance, and
+    so those of any two robots by the tolerance times the steps between them. This must be possible for each pair::
 
         T = r / (v_max - v_min) * max over i, k of (o_i - o_k - tolerance * steps from i to k)
 
     Args:
-        angles: where the robots are (..., N) [rad].
+        angles: the robots' angles (..., N) [rad].
         clockwise: the direction of travel.
         radius: of the circle [m].
-        v_min: least speed on the circle [m/s].
-        v_max: greatest speed [m/s].
-        tolerance: how far each gap may be from 2 pi / N [rad].
+        v_min: minimum speed on the circle [m/s].
+        v_max: maximum speed [m/s].
+        tolerance: maximum difference of each gap from 2 pi / N [rad].
 
     Returns:
         T (...) [s].

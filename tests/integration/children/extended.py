@@ -1,4 +1,4 @@
-"""Uses one addition of ``docs/architecture.md``, in the copy of the packages that it was made to: its argument."""
+"""Uses one addition of ``docs/architecture.md``, named by its argument, in the extended copy of the packages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from muro_zenoh.config import Scenario, load_scenario, parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Goal, SetBehaviour
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
-from muro_zenoh.scoring.expectations import asked_of
+from muro_zenoh.scoring.expectations import expectations_of
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.supervision.preflight import check_can_run
@@ -40,10 +40,10 @@ def refuse(table: dict[str, Any], said: str) -> None:
 
 
 def behaviour() -> None:
-    """A run accepts it, a base station takes the order, a fleet does it, its score sheet shows the circle."""
+    """A run accepts it, a base station accepts the order, a fleet runs it, its score sheet shows the circle."""
     wanted = lab({"behaviour": {"name": "patrol", "pace": 0.12}})
     check_can_run(wanted, "lab.toml")
-    assert asked_of(wanted).follows_circle
+    assert expectations_of(wanted).follows_circle
     refuse({"behaviour": {"name": "patrol", "pace": -0.1}}, r"behaviour\.pace: got -0\.1 .*above 0 \[m/s\]")
 
     async def main() -> None:
@@ -63,7 +63,7 @@ def behaviour() -> None:
 
 
 def channel() -> None:
-    """Its writers may publish on it, its readers get it, and it is on the page."""
+    """Its writers may publish on it, its readers receive it, and it is on the page."""
     home = channels.HOME  # type: ignore[attr-defined]  # it is there in the copy
     assert home in channels.CHANNELS
 
@@ -93,10 +93,10 @@ def setting() -> None:
 
 
 def check() -> None:
-    """A run is judged by it: in the unit of its limit, which is not the report's."""
+    """A run is checked by it: in the unit of its limit, which differs from the report's."""
     for limit, passed in ((0.004, True), (0.002, False)):
         wanted = lab({"checks": {"pose_to_command_p99": limit}})
-        seen = Observed(wanted.name, wanted.robots, 60.0, asked_of(wanted), pose_to_command=[0.003] * 10)
+        seen = Observed(wanted.name, wanted.robots, 60.0, expectations_of(wanted), pose_to_command=[0.003] * 10)
         sheet = score_run(seen, wanted.checks)
         assert sheet.checks["pose_to_command_p99"].value == pytest.approx(0.003)
         assert sheet.passed is passed

@@ -1,4 +1,4 @@
-"""Reads one robot's odometry and says ``GOT seq stamp age`` of each message: ``reader.py ENDPOINT REALM NAME``."""
+"""Prints ``GOT seq stamp age`` for each message of one robot's odometry: ``reader.py ENDPOINT REALM NAME [LEASE]``."""
 
 import sys
 
@@ -8,8 +8,9 @@ from muro_zenoh.runtime.process import ready, run_process
 from muro_zenoh.transport import open_bus
 
 
-async def read(endpoint: str, realm: str, name: str) -> None:
-    async with open_bus(BusSettings(realm=realm, connect=(endpoint,)), channels.Role.BASE) as bus:
+async def read(endpoint: str, realm: str, name: str, lease: str = "2") -> None:
+    settings = BusSettings(realm=realm, connect=(endpoint,), lease=float(lease))
+    async with open_bus(settings, channels.Role.BASE) as bus:
         odometry = bus.every(channels.ODOMETRY, name, depth=1024)
         bus.announce(channels.Role.BASE, name)
         ready("reader", name)

@@ -1,4 +1,4 @@
-"""Says one robot's speed at 20 Hz with nothing but Zenoh and MessagePack: ``velocities.py ENDPOINT NAME SPEED``."""
+"""Publishes one robot's speed at 20 Hz with only Zenoh and MessagePack: ``velocities.py ENDPOINT NAME SPEED``."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""An agent process ends when it is asked to, whatever the behaviour in it does, and its last command is zero."""
+"""An agent process exits on SIGTERM, whatever its behaviour does, and its last command is zero."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ async def test_an_agent_ends_and_its_last_command_is_zero(behaviour: str, code: 
     async with driving_agent(tmp_path, behaviour) as (agent, commands):
         agent.send(signal.SIGTERM)
         await _until_it_ends(agent, 3)
-        await asyncio.sleep(0.2)  # what it sent is on its way
+        await asyncio.sleep(0.2)  # until its messages have arrived
         last = commands.drain()[-1].message
         assert (last.v, last.omega) == (0.0, 0.0)
         assert agent.wait() == code

@@ -1,0 +1,452 @@
+"""The mailboxes themselves, without a bus: what they keep, count, refuse, and whom they wake."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from muro_zenoh.errors import TransportError
+from muro_zenoh.messages import SpeedReference, codec, encode, encoding_of
+from muro_zenoh.transport import inbox
+from muro_zenoh.transport.inbox import Slot
+from muro_zenoh.transport.mailboxes import Every, Latest
+from muro_zenoh.transport.received import Counters
+from tests.support.clock import ManualClock
+from tests.support.waiting import within
+
+PREFIX = len("muro/velocity/")
+ENCODING = encoding_of(SpeedReference)
+GARBAGE = b"\xc1"
+
+
+class Box:
+    """A mailbox of speeds under test, and the middleware that files into it.
+
+    Args:
+        make: its class.
+        depth: samples that it holds at most; None for its own choice.
+    """
+
+    def __init__(self, make: Callable[..., Any], depth: int | None = None) -> None:
+        self.clock = ManualClock()
+        self.counters = Counters()
+        loop = asyncio.get_running_loop()
+        options = {} if depth is None else {"depth": depth}
+        self.inbox = make(
+            Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", 0.5), **options
+        )
+
+    def file(self, name: str, speed: float, encoding: str | None = ENCODING, stamp: float | None = None) -> None:
+        stamp = self.clock.now() if stamp is None else stamp
+        self.inbox.file(f"muro/velocity/{name}", encode(SpeedReference(speed=speed, stamp=stamp, epoch=3)), encoding)
+
+    def garble(self, name: str) -> None:
+        self.inbox.file(f"muro/velocity/{name}", GARBAGE, ENCODING)
+
+    async def next(self) -> tuple[str, float]:
+        received = await within(1, self.inbox.next(), "a message")
+        return received.name, received.message.speed
+
+    def counts(self) -> tuple[int, int, int]:
+        """Received, dropped, rejected, of all that was sorted by now."""
+        self.inbox.values() if isinstance(self.inbox, Latest) else len(self.inbox._raw)
+        return self.counters.received, self.counters.dropped, self.counters.rejected
+
+
+def speed(received: Any) -> float | None:
+    return received.message.speed if received is not None else None
+
+
+# ---- the newest of each name
+
+
+async def test_the_newest_of_each_name_is_kept() -> None:
+    box = Box(Latest)
+    assert box.inbox.get() is None
+    assert box.inbox.values() == {}
+    for name, v in (("r1", 0.1), ("r2", 0.2), ("r1", 0.3)):
+        box.file(name, v)
+    assert (speed(box.inbox.get("r1")), speed(box.inbox.get("r2")), box.inbox.get("r3")) == (0.3, 0.2, None)
+    assert {name: speed(received) for name, received in box.inbox.values().items()} == {"r1": 0.3, "r2": 0.2}
+    assert speed(box.inbox.get("r1")) == 0.3  # read or not
+    box.file("r1", 0.4)
+    assert speed(box.inbox.get("r1")) == 0.4
+    box.file("r2", 0.5)
+    assert speed(box.inbox.values()["r2"]) == 0.5
+
+
+async def test_on_a_mailbox_of_one_key_no_name_is_needed() -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1)
+    assert speed(box.inbox.get()) == 0.1
+    box.file("r1", 0.2)
+    assert speed(box.inbox.get()) == 0.2
+    box.file("r1", 0.3)
+    assert box.counts() == (3, 0, 0)  # each was read by get()
+
+
+async def test_a_name_that_is_forgotten_is_not_waited_for_nor_kept() -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1)
+    box.file("r2", 0.2)
+    box.inbox.forget("r1")
+    box.inbox.forget("r9")
+    assert box.inbox.get("r1") is None
+    assert await box.next() == ("r2", 0.2)
+    assert box.inbox._take() is None
+    box.file("r1", 0.3)
+    assert box.counts() == (3, 0, 0)  # what was forgotten is not dropped for it
+
+
+async def test_the_reader_gets_each_name_once_and_the_longest_unread_first() -> None:
+    box = Box(Latest)
+    for name, v in (("r1", 0.1), ("r2", 0.2)):
+        box.file(name, v)
+        box.inbox.values()
+    box.file("r1", 0.3)
+    assert [await box.next(), await box.next()] == [("r2", 0.2), ("r1", 0.3)]
+    assert box.inbox._take() is None
+
+
+@pytest.mark.parametrize("read", ["next", "get", "values", "not"])
+async def test_a_message_that_is_displaced_unread_is_counted(read: str) -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1)
+    if read == "next":
+        await box.next()
+    elif read == "get":
+        box.inbox.get("r1")
+    elif read == "values":
+        box.inbox.values()
+    else:
+        box.inbox.get("r2")
+    box.file("r1", 0.2)
+    assert box.counts() == (2, 1 if read == "not" else 0, 0)
+
+
+async def test_those_behind_the_newest_good_one_are_dropped_undecoded() -> None:
+    box = Box(Latest, depth=4)
+    for v in (0.1, 0.2, 0.3):
+        box.file("r1", v)
+    box.garble("r1")
+    assert speed(box.inbox.get("r1")) == 0.3
+    assert box.counts() == (4, 2, 1)
+
+
+@pytest.mark.parametrize(("garbled", "kept"), [(3, 0.1), (4, None)])
+async def test_three_samples_of_garbage_behind_a_good_one_do_not_displace_it(garbled: int, kept: float | None) -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1)
+    for _ in range(garbled):
+        box.garble("r1")
+    assert speed(box.inbox.get("r1")) == kept
+    assert box.counts() == (1 + garbled, garbled - 3, garbled)
+
+
+# ---- every one
+
+
+async def test_every_message_comes_in_order() -> None:
+    box = Box(Every)
+    for name, v in (("r1", 0.1), ("r2", 0.2), ("r1", 0.3)):
+        box.file(name, v)
+        assert await box.next() == (name, v)
+    for v in (0.4, 0.5):
+        box.file("r1", v)
+    box.garble("r1")
+    assert [speed(received) for received in box.inbox.drain()] == [0.4, 0.5]
+    assert box.inbox.drain() == []
+    assert box.inbox._take() is None
+    assert box.counts() == (6, 0, 1)
+
+
+async def test_a_full_queue_drops_the_oldest_and_counts_it() -> None:
+    box = Box(Every, depth=2)
+    for v in (0.1, 0.2):
+        box.file("r1", v)
+    assert await box.next() == ("r1", 0.1)
+    for v in (0.3, 0.4):
+        box.file("r2", v)
+    assert [speed(received) for received in box.inbox.drain()] == [0.3, 0.4]
+    assert box.counts() == (4, 1, 0)
+
+
+async def test_what_waits_for_the_loop_is_bounded_too() -> None:
+    box = Box(Every, depth=2)
+    for v in (0.1, 0.2, 0.3):
+        box.file("r1", v)
+    assert box.counts() == (3, 1, 0)
+    assert [speed(received) for received in box.inbox.drain()] == [0.2, 0.3]
+
+
+async def test_a_queue_holds_64_messages_where_nothing_else_is_said() -> None:
+    box = Box(Every)
+    for k in range(65):
+        box.file("r1", float(k))
+    assert len(box.inbox.drain()) == 64
+    assert box.counts() == (65, 1, 0)
+
+
+# ---- what a message carries
+
+
+@pytest.mark.parametrize("make", [Latest, Every])
+async def test_a_message_carries_its_name_its_arrival_and_its_delay(make: Callable[..., Any]) -> None:
+    box = Box(make)
+    box.file("r1", 0.1, stamp=box.clock.now() - 7.0)
+    assert await box.next() == ("r1", 0.1)
+    box.clock.advance(2.0)
+    box.file("r1", 0.2, stamp=box.clock.now() - 7.5)
+    box.clock.advance(1.0)  # before it is read
+    received = await within(1, box.inbox.next(), "a message")
+    assert (received.name, received.arrival, received.delay, received.least) == ("r1", 1002.0, 0.5, 7.0)
+    assert (box.counters.arrival, box.counters.delay) == (1002.0, 0.5)
+
+
+async def test_delays_are_measured_for_each_key() -> None:
+    box = Box(Every)
+    for name, behind in (("r1", 1.0), ("r2", 5.0), ("r1", 1.5), ("r2", 5.25)):
+        box.file(name, 0.1, stamp=box.clock.now() - behind)
+    assert [received.delay for received in box.inbox.drain()] == [0.0, 0.5, 0.0, 0.25]
+
+
+async def test_a_message_of_this_process_is_handed_over_as_it_is() -> None:
+    box = Box(Every)
+    box.file("r2", 0.1)
+    box.clock.advance(1.0)
+    message = SpeedReference(speed=0.2)
+    box.inbox.hand("muro/velocity/r1", message)
+    box.file("r2", 0.3)
+    first, second, third = box.inbox.drain()
+    assert (speed(first), speed(third)) == (0.1, 0.3)  # in the order in which they were sent
+    assert second.message is message
+    assert (second.name, second.arrival, second.delay, second.least) == ("r1", 1001.0, 0.0, 0.0)
+    assert box.counts() == (3, 0, 0)
+
+
+async def test_what_is_handed_over_wakes_the_reader() -> None:
+    box = Box(Latest)
+    reading = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    box.inbox.hand("muro/velocity/r1", SpeedReference(speed=0.2))
+    assert await within(1, reading, "the message") == ("r1", 0.2)
+    assert box.counters.arrival == 1000.0
+
+
+# ---- what is refused
+
+
+@pytest.mark.parametrize("name", ["R1", "r 1", "1", "r1/x", "a" * 33])
+async def test_a_name_that_is_none_is_rejected(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    box = Box(Latest)
+    box.file(name, 0.1)
+    assert box.counts() == (1, 0, 1)
+    assert f"got the name {name!r}" in caplog.text
+
+
+async def test_a_key_without_a_name_has_none() -> None:
+    box = Box(Latest)
+    box.inbox.file("muro/velocity/", encode(SpeedReference(speed=0.1, stamp=1000.0)), ENCODING)
+    assert speed(box.inbox.get()) == 0.1
+
+
+@pytest.mark.parametrize(
+    ("encoding", "good"),
+    [(ENCODING, True), (None, True), ("application/msgpack;Frame.1", False), ("text/plain", False)],
+)
+async def test_an_encoding_of_something_else_is_rejected(encoding: str | None, good: bool) -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1, encoding)
+    assert (speed(box.inbox.get("r1")) == 0.1) == good
+    assert box.counters.rejected == (not good)
+
+
+@pytest.mark.parametrize(("limit", "good"), [(0, True), (-1, False)])
+async def test_a_payload_above_the_limit_is_rejected(limit: int, good: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(Latest)
+    payload = encode(SpeedReference(speed=0.1, stamp=1000.0))
+    monkeypatch.setattr(codec, "MAX_PAYLOAD", len(payload) + limit)
+    box.inbox.file("muro/velocity/r1", payload, ENCODING)
+    assert (speed(box.inbox.get("r1")) == 0.1) == good
+    assert box.counters.rejected == (not good)
+
+
+def test_the_limits_are_eight_mebibytes_and_a_thousand_keys() -> None:
+    assert (codec.MAX_PAYLOAD, inbox._MAX_KEYS) == (8_388_608, 1024)
+
+
+async def test_keys_are_bounded_while_they_wait_and_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inbox, "_MAX_KEYS", 2)
+    box = Box(Latest)
+    for name in ("r1", "r2", "r3"):  # the third does not even wait
+        box.file(name, 0.1)
+    assert box.counts() == (3, 0, 1)
+    assert set(box.inbox.values()) == {"r1", "r2"}
+    box.file("r3", 0.1)
+    box.file("r2", 0.2)
+    assert speed(box.inbox.get("r2")) == 0.2
+    assert (box.inbox.get("r3"), box.counters.rejected) == (None, 2)
+
+
+async def test_garbage_is_logged_once_until_a_good_message_comes(caplog: pytest.LogCaptureFixture) -> None:
+    box = Box(Every)
+    for _ in range(2):
+        for _ in range(3):
+            box.garble("r1")
+            box.inbox.drain()
+        box.file("r1", 0.1)
+        box.inbox.drain()
+    assert [record.levelname for record in caplog.records] == ["WARNING", "WARNING"]
+    assert box.counts() == (8, 0, 6)
+    assert "muro/velocity/r1: dropped a message: " in caplog.text
+
+
+# ---- waiting
+
+
+async def test_the_reader_waits_until_something_comes_from_another_thread() -> None:
+    box = Box(Latest)
+    reading = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    thread = threading.Thread(target=box.file, args=("r1", 0.1))
+    thread.start()
+    assert await within(5, reading, "the message") == ("r1", 0.1)
+    thread.join()
+
+
+async def test_a_burst_from_another_thread_wakes_the_loop_once() -> None:
+    box = Box(Every)
+    woken: list[Callable[[], None]] = []
+
+    class Loop:
+        create_future = staticmethod(asyncio.get_running_loop().create_future)
+        call_soon_threadsafe = staticmethod(woken.append)
+
+    box.inbox._loop = Loop()
+
+    def burst() -> None:
+        for k in range(10):
+            box.file("r1", float(k))
+
+    async def from_a_thread() -> None:
+        await asyncio.to_thread(burst)
+
+    await from_a_thread()
+    assert woken == []  # nobody waits
+    box.inbox.drain()
+    for _ in range(2):
+        reading = asyncio.create_task(box.next())
+        await asyncio.sleep(0)
+        await from_a_thread()
+        (wake,) = woken
+        woken.clear()
+        wake()
+        assert (await within(1, reading, "the first of the burst"))[1] == 0.0
+        box.inbox.drain()
+
+
+async def test_a_closed_loop_is_not_woken_and_nobody_is_told() -> None:
+    box = Box(Latest)
+    closed = asyncio.new_event_loop()
+    closed.close()
+    reading = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    box.inbox._loop = closed
+    await asyncio.to_thread(box.file, "r1", 0.1)
+    box.inbox.close()
+    with pytest.raises(TransportError, match="closed"):
+        await reading
+
+
+async def test_what_comes_from_the_loops_own_thread_wakes_the_reader_without_a_detour() -> None:
+    box = Box(Latest)
+    reading = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    box.file("r1", 0.1)
+    assert box.inbox._waiter.done()
+    assert await reading == ("r1", 0.1)
+
+
+async def test_garbage_wakes_nobody_for_good() -> None:
+    box = Box(Latest)
+    reading = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    box.garble("r1")
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    assert not reading.done()
+    box.file("r1", 0.1)
+    assert await within(1, reading, "the message") == ("r1", 0.1)
+
+
+async def test_a_second_reader_is_refused_and_the_first_goes_on() -> None:
+    box = Box(Latest)
+    first = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    with pytest.raises(TransportError, match=r"^muro/velocity/\*: two tasks wait at one mailbox"):
+        await box.next()
+    box.file("r1", 0.1)
+    assert await within(1, first, "the message") == ("r1", 0.1)
+    box.file("r1", 0.2)  # one after the other is fine
+    assert await box.next() == ("r1", 0.2)
+
+
+async def test_a_reader_that_is_cancelled_makes_room_for_the_next() -> None:
+    box = Box(Latest)
+    first = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    first.cancel()
+    await asyncio.wait({first})
+    second = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    box.file("r1", 0.1)
+    assert await within(1, second, "the message") == ("r1", 0.1)
+
+
+async def test_a_mailbox_is_read_by_iteration_too() -> None:
+    box = Box(Every)
+    for v in (0.1, 0.2):
+        box.file("r1", v)
+    seen = []
+    async for received in box.inbox:
+        seen.append(speed(received))
+        if len(seen) == 2:
+            break
+    assert seen == [0.1, 0.2]
+
+
+# ---- the end
+
+
+@pytest.mark.parametrize("make", [Latest, Every])
+async def test_a_closed_mailbox_takes_nothing_and_says_so(make: Callable[..., Any]) -> None:
+    box = Box(make)
+    closed: list[str] = []
+    box.inbox.on_close(lambda: closed.append("subscriber"))
+    box.inbox.on_close(lambda: closed.append("presence"))
+    waiting = asyncio.create_task(box.next())
+    await asyncio.sleep(0)
+    box.inbox.close()
+    box.inbox.close()
+    assert closed == ["subscriber", "presence"]
+    with pytest.raises(TransportError, match=r"^muro/velocity/\*: the mailbox is closed$"):
+        await within(1, waiting, "the end")
+    box.file("r1", 0.1)
+    with pytest.raises(TransportError, match="the mailbox is closed"):
+        await box.next()
+    assert box.counts() == (0, 0, 0)
+
+
+@pytest.mark.parametrize("make", [Latest, Every])
+async def test_what_waited_for_the_loop_when_the_mailbox_was_closed_is_not_read_any_more(
+    make: Callable[..., Any],
+) -> None:
+    box = Box(make)
+    box.file("r1", 0.1)
+    box.inbox.close()
+    with pytest.raises(TransportError, match="the mailbox is closed"):
+        await box.next()
