@@ -437,6 +437,30 @@ class TestSeveralBasesInOneProcess:
 
         run_virtually(main())
 
+    def test_the_state_of_each_robot_comes_twice_a_second(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+                states = bases.bus.every(channels.BASE, "*", depth=1024)
+                await asyncio.sleep(2.03)
+                names = [received.name for received in states.drain()]
+                assert {name: names.count(name) for name in bases.wheels} == {"r1": 4, "r2": 4, "r3": 4}
+
+        run_virtually(main())
+
+    def test_a_timeout_error_of_the_wheels_is_no_end_of_a_beat(self) -> None:
+        async def main() -> None:
+            async with several() as bases:
+
+                def slow(v: float, omega: float) -> None:
+                    raise TimeoutError("the serial line does not answer")
+
+                bases.wheels["r2"].command = slow  # type: ignore[method-assign]
+                bases.command("r2", 0.3)
+                with pytest.raises(TimeoutError, match="serial line"):
+                    await bases.task
+
+        run_virtually(main())
+
     def test_when_the_wheels_of_one_fail_all_are_stopped(self) -> None:
         async def main() -> None:
             async with several() as bases:
@@ -482,23 +506,26 @@ async def test_a_flood_of_commands_does_not_keep_the_base_from_its_beats() -> No
         await asyncio.wait({task})
 
 
-async def test_a_base_alone_subscribes_to_its_own_commands_and_several_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    names: list[str] = []
-    latest = Bus.latest
-    monkeypatch.setattr(Bus, "latest", lambda bus, channel, name="": names.append(name) or latest(bus, channel, name))
-    for wheels in ({"r1": Wheels()}, {"r1": Wheels(), "r2": Wheels()}):
-        async with make_bus(MemoryNetwork().link()) as bus:
-            task = asyncio.create_task(run_bases(bus, wheels, bus.clock))
-            await asyncio.sleep(0)
-            task.cancel()
-            await asyncio.wait({task})
-    assert names == ["r1", "*"]
-
-
 class TestTheProcess:
     """The process of one base, on the in-memory bus."""
 
     LAB = parse_scenario({"robots": 2, "all": {"base": "simulated"}}, "lab.toml", name="lab")
+
+    async def test_a_base_alone_subscribes_to_its_own_commands_and_several_to_all(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        names: list[str] = []
+        latest = Bus.latest
+        monkeypatch.setattr(
+            Bus, "latest", lambda bus, channel, name="": names.append(name) or latest(bus, channel, name)
+        )
+        for wheels in ({"r1": Wheels()}, {"r1": Wheels(), "r2": Wheels()}):
+            async with make_bus(MemoryNetwork().link()) as bus:
+                task = asyncio.create_task(run_bases(bus, wheels, bus.clock))
+                await asyncio.sleep(0)
+                task.cancel()
+                await asyncio.wait({task})
+        assert names == ["r1", "*"]
 
     async def test_a_robot_that_the_settings_do_not_have_is_refused(self) -> None:
         with pytest.raises(ConfigError, match=r"^base r9: got 'r9', expected one of r1, r2"):
