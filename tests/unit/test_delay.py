@@ -105,6 +105,12 @@ def test_a_delay_is_never_negative_and_never_beyond_the_least(samples: list[tupl
         assert tracker.least == pytest.approx(arrival - stamp - delay)
 
 
+def test_lateness_that_begins_right_after_the_measure_was_confirmed_does_not_raise_it() -> None:
+    tracker = DelayTracker()
+    delays = [tracker.observe(1, 0.05 * i - (0.0 if i < 5 else 2.0), 0.05 * i) for i in range(100)]
+    assert delays[5:] == pytest.approx([2.0] * 95)
+
+
 # ---- a message that came
 
 
