@@ -44,7 +44,7 @@ class MemoryNetwork:
 
     _readers: list[_Reader] = field(default_factory=list)
     _readers_of: dict[str, tuple[_Reader, ...]] = field(default_factory=dict)
-    _kept: dict[str, tuple[MemoryLink, bytes, str | None]] = field(default_factory=dict)
+    _kept: dict[str, tuple[_Publisher, bytes, str | None]] = field(default_factory=dict)
     _tokens: list[tuple[str, MemoryLink]] = field(default_factory=list)
     _watchers: list[tuple[MemoryLink, str, FileToken]] = field(default_factory=list)
     _answers: list[tuple[str, MemoryLink, Callable[[Question], None]]] = field(default_factory=list)
@@ -97,20 +97,24 @@ class _Undo:
 
 class _Publisher:
     def __init__(self, link: MemoryLink, key: str, encoding: str, keep: bool) -> None:
-        self._link, self._key, self._encoding, self._keep = link, key, encoding, keep
+        self.link, self._key, self._encoding, self._keep = link, key, encoding, keep
         self._closed = False
 
     def put(self, payload: bytes) -> bool:
-        if self._closed or self._link.closed:
+        if self._closed or self.link.closed:
             return False
-        network = self._link.network
+        network = self.link.network
         if self._keep:
-            network._kept[self._key] = (self._link, payload, self._encoding)
-        network.put(self._key, payload, self._encoding, sender=self._link)
+            network._kept[self._key] = (self, payload, self._encoding)
+        network.put(self._key, payload, self._encoding, sender=self.link)
         return True
 
     def close(self) -> None:
+        """Send no more, and take along what was kept here, as Zenoh does."""
         self._closed = True
+        kept = self.link.network._kept.get(self._key)
+        if kept is not None and kept[0] is self:
+            del self.link.network._kept[self._key]
 
 
 class MemoryLink:
@@ -183,6 +187,6 @@ class MemoryLink:
         net._unsubscribe(lambda reader: reader.link is self)
         net._watchers[:] = [w for w in net._watchers if w[0] is not self]
         net._answers[:] = [a for a in net._answers if a[1] is not self]
-        net._kept = {k: v for k, v in net._kept.items() if v[0] is not self}
+        net._kept = {k: v for k, v in net._kept.items() if v[0].link is not self}
         for token in [token for token in net._tokens if token[1] is self]:
             self._drop_token(token)

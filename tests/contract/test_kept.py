@@ -14,7 +14,7 @@ from muro_zenoh.messages import (
     decode,
     encoding_of,
 )
-from tests.contract.conftest import Memory, Network
+from tests.contract.conftest import Network
 from tests.contract.helpers import linked, speed
 from tests.support.waiting import within
 
@@ -61,12 +61,7 @@ async def test_a_reader_that_was_there_first_gets_it_too(network: Network) -> No
 
 
 @pytest.mark.parametrize("ends", ["process", "publisher"])
-async def test_a_kept_value_is_not_kept_beyond_its_writer(
-    network: Network, ends: str, request: pytest.FixtureRequest
-) -> None:
-    if ends == "publisher" and isinstance(network, Memory):
-        reason = "the in-memory link keeps a value until its link closes, Zenoh until its publisher does"
-        request.applymarker(pytest.mark.xfail(reason=reason, strict=False))
+async def test_a_kept_value_is_not_kept_beyond_its_writer(network: Network, ends: str) -> None:
     writer = await network.open()
     out = writer.publisher(channels.CIRCLE)
     out.put(Circle(x=0.1, y=0.2, radius=0.8))

@@ -180,12 +180,11 @@ class MemoryFleet:
         return self.station.store
 
     def silence(self, channel: Channel[Any]) -> None:
-        """Stop the base station's publishing on a channel, and remove its kept value."""
+        """Close the base station's publishers on a channel, and with them what was kept there."""
         start = f"{self._station_bus.realm}/{channel.word}"
         for thing in list(self._station_bus._open):
             if isinstance(thing, Publisher) and thing._key.startswith(start):
                 thing.close()
-                self.network._kept.pop(thing._key, None)
 
     @property
     def seeing(self) -> bool:

@@ -271,7 +271,7 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     assert view.restarts == 3
 
 
-async def test_a_path_that_is_none_ends_nothing(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+async def test_an_invalid_path_does_not_end_the_collector(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
     collecting = asyncio.create_task(lab.collector._collect_paths())
     await lab.settle()
     publisher = lab.bus("r1").publisher(channels.PATH, "r1")
@@ -280,7 +280,7 @@ async def test_a_path_that_is_none_ends_nothing(lab: Lab, caplog: pytest.LogCapt
         await lab.settle()
     assert not collecting.done()
     assert [planned.path.length for planned in lab.collector._planned["r1"]] == [1.0]
-    assert "r1 published no path" in caplog.text
+    assert "r1 published an invalid path" in caplog.text
     collecting.cancel()
     await asyncio.wait({collecting})
 
@@ -296,7 +296,7 @@ def test_of_what_is_collected_the_newest_are_kept() -> None:
 
 
 async def test_measurements_do_not_fill_the_memory(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reports, "_MOST_MEASUREMENTS", 100)
+    monkeypatch.setattr(reports, "_MAX_MEASUREMENTS", 100)
     lab.collector.begin()
     for _ in range(20):
         await lab.health("r1", samples={"pose_age_s": (0.1,) * 50, "pose_to_command_s": (0.01,) * 50})
