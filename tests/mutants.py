@@ -118,7 +118,7 @@ def constants(source: str) -> Iterator[tuple[str, float, str]]:
                 number = eval(compile(ast.Expression(value), target.id, "eval"), {"__builtins__": {}})
             except (NameError, TypeError):
                 continue  # made of other modules' constants
-            if isinstance(number, int | float):
+            if isinstance(number, int | float) and not isinstance(number, bool):
                 yield target.id, number, ast.get_source_segment(source, node) or ""
 
 
