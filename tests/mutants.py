@@ -11,6 +11,7 @@ import argparse
 import ast
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -87,6 +88,7 @@ def of_functions(path: str) -> Iterator[Mutant]:
 def sides(diff: str) -> tuple[str, str]:
     """The lines that a diff takes away, and those that it puts there."""
     lines = [line for line in diff.splitlines() if not line.startswith(("---", "+++"))]
+    lines = [re.sub(r"  # .*", "", line) for line in lines]  # a comment may be reworded
     old, new = ([line[1:].strip() for line in lines if line.startswith(sign)] for sign in "-+")
     return " ".join(old), " ".join(new)
 
@@ -116,7 +118,7 @@ def constants(source: str) -> Iterator[tuple[str, float, str]]:
                 number = eval(compile(ast.Expression(value), target.id, "eval"), {"__builtins__": {}})
             except (NameError, TypeError):
                 continue  # made of other modules' constants
-            if isinstance(number, int | float):
+            if isinstance(number, int | float) and not isinstance(number, bool):
                 yield target.id, number, ast.get_source_segment(source, node) or ""
 
 

@@ -66,7 +66,7 @@ class StopLatch:
         if all_robots or me in names:
             # A newer order is the whole state: one that names some robots replaces an order to all.
             return StopLatch(True, True, all_robots or (self.all_robots and not newer), newest)
-        if newer or (revision > 0 and not self.received):
+        if newer:
             return StopLatch(True, False, False, newest)
         return StopLatch(self.received, self.stopped, self.all_robots, newest)
 

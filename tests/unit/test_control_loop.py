@@ -331,6 +331,56 @@ def test_fixes_their_ages_and_commands_are_counted() -> None:
     assert loop.pose_ages == [0.0, pytest.approx(0.04), pytest.approx(0.03)]
 
 
+# ---- what is refused
+
+
+@pytest.mark.parametrize(
+    ("age", "used"), [(-0.001, False), (0.0, True), (0.1, True), (1.0, True), (1.01, False), (40.0, False)]
+)
+def test_a_fix_from_the_future_or_older_than_the_filters_history_is_refused(age: float, used: bool) -> None:
+    loop, now = ControlLoop("r1", ROBOT), 4096.0
+    for _ in range(2):
+        loop.update(now, [(now - age, fix())], [], NOTHING)
+    assert loop.fixes == (2 if used else 0)
+    assert loop.refused == ({} if used else {"fix untimely": 2})
+
+
+def test_a_fix_that_the_filter_refuses_is_counted_with_its_reason() -> None:
+    loop = free()
+    for k in (1, 2):
+        elsewhere = PoseFix(x=9.0, y=9.0, theta=0.0, covariance=ACCURATE, camera="north", age=0.0)
+        loop.update(T0 + 0.01 * k, [(T0 + 0.01 * k, elsewhere)], [], NOTHING)
+    assert loop.refused == {"fix gated": 2}
+    assert loop.fixes == 1
+
+
+@pytest.mark.parametrize(
+    ("age", "v", "omega", "used"),
+    [
+        (0.0, 0.1, 0.1, True),
+        (1.0, 0.1, 0.1, True),
+        (-0.001, 0.1, 0.1, False),
+        (1.01, 0.1, 0.1, False),
+        (0.0, 4.0 * ROBOT.v_max, 0.0, True),
+        (0.0, -4.0 * ROBOT.v_max, 0.0, True),
+        (0.0, 4.01 * ROBOT.v_max, 0.0, False),
+        (0.0, -4.01 * ROBOT.v_max, 0.0, False),
+        (0.0, 0.0, 4.0 * ROBOT.omega_max, True),
+        (0.0, 0.0, 4.01 * ROBOT.omega_max, False),
+        (0.0, 0.0, -4.01 * ROBOT.omega_max, False),
+    ],
+)
+def test_an_odometry_that_cannot_be_of_now_or_of_these_wheels_is_refused(
+    age: float, v: float, omega: float, used: bool
+) -> None:
+    loop, pose_filter = converged()
+    now = 4096.0
+    for _ in range(2):
+        loop.update(now, [], [(now - age, v, omega)], NOTHING)
+    assert pose_filter.twists == ([(now - age, v, omega)] * 2 if used else [])
+    assert loop.refused == ({} if used else {"odometry": 2})
+
+
 # ---- what is reported at once
 
 

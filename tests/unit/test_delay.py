@@ -105,6 +105,34 @@ def test_a_delay_is_never_negative_and_never_beyond_the_least(samples: list[tupl
         assert tracker.least == pytest.approx(arrival - stamp - delay)
 
 
+def test_lateness_that_begins_right_after_the_measure_was_confirmed_does_not_raise_it() -> None:
+    tracker = DelayTracker()
+    delays = [tracker.observe(1, 0.05 * i - (0.0 if i < 5 else 2.0), 0.05 * i) for i in range(100)]
+    assert delays[5:] == pytest.approx([2.0] * 95)
+
+
+def confirmed(*epochs: int) -> DelayTracker:
+    """A tracker that knows writers well, whose clocks are 8 s behind ours; the last one was heard last, at 64 s."""
+    tracker = DelayTracker()
+    for epoch in epochs:
+        for i in range(9):
+            tracker.observe(epoch, 48.0 + i, 56.0 + i)
+    return tracker
+
+
+@pytest.mark.parametrize(("ahead", "delay"), [(0.25, 0.0), (0.5, 0.0), (0.75, -0.75), (40.0, -40.0)])
+def test_a_stamp_more_than_half_a_second_ahead_is_reported_by_how_much(ahead: float, delay: float) -> None:
+    tracker = confirmed(1)
+    assert tracker.observe(1, 57.0 + ahead, 65.0) == delay
+    assert tracker.least == 8.0 - ahead
+
+
+def test_a_fifth_writer_displaces_the_one_heard_least_recently_where_all_are_well_known() -> None:
+    tracker = confirmed(1, 2, 3, 4, 5)
+    assert tracker.observe(2, 56.0, 65.0) == 1.0  # it is remembered
+    assert tracker.observe(1, 56.0, 65.0) == 0.0  # it is not
+
+
 # ---- a message that came
 
 

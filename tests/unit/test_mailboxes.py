@@ -296,10 +296,10 @@ async def test_a_key_that_was_silent_for_a_minute_makes_room_for_another(monkeyp
     box.clock.advance(1.0)
     box.file("r2", 0.2)
     assert speed(box.inbox.get("r2")) == 0.2
-    box.clock.advance(58.5)  # r1 has been silent for 59.5 s
+    box.clock.advance(59.0)  # r1 has been silent for 60 s
     box.file("r3", 0.3)
     assert box.inbox.get("r3") is None
-    box.clock.advance(1.0)  # 60.5 s
+    box.clock.advance(0.5)
     box.file("r3", 0.3)
     assert speed(box.inbox.get("r3")) == 0.3
     assert (set(box.inbox.values()), box.counters.rejected) == ({"r2", "r3"}, 1)
@@ -329,7 +329,7 @@ async def test_a_stamp_ahead_of_its_writers_clock_is_rejected_where_age_matters(
     assert ("got a stamp 40 s ahead of its writer's clock" in caplog.text) == (not good)
 
 
-@pytest.mark.parametrize(("late", "counted"), [(0.49, 0), (0.51, 2)])
+@pytest.mark.parametrize(("late", "counted"), [(0.49, 0), (0.5, 0), (0.51, 2)])
 async def test_messages_that_were_stale_on_arrival_are_counted(late: float, counted: int) -> None:
     box = Box(Every)
     box.file("r1", 0.1)

@@ -157,6 +157,24 @@ def test_repetition_changes_nothing(said: list[tuple[int, bool, list[str]]]) -> 
         assert latch.receive("r1", all_robots=all_robots, names=names, revision=revision) == latch
 
 
+@pytest.mark.parametrize(("behind", "lifts"), [(0, False), (1, False), (2**20 - 1, False), (2**20, True)])
+def test_an_order_a_million_behind_belongs_to_a_newer_count_and_lifts(behind: int, lifts: bool) -> None:
+    stopped = receive(StopLatch(), 2**20 + 9, all_robots=True)
+    assert receive(stopped, 2**20 + 9 - behind).may_drive == lifts
+
+
+@pytest.mark.parametrize(("ahead", "lifts"), [(0, False), (1, True), (2**20 - 1, True), (2**20, False)])
+def test_an_order_a_million_ahead_is_not_of_this_count(ahead: int, lifts: bool) -> None:
+    stopped = receive(FREE, 6, "r1")
+    after = receive(stopped, 6 + ahead)
+    assert (after.may_drive, after.revision) == (lifts, 6 + ahead if lifts else 6)
+
+
+def test_at_its_first_order_a_robot_has_no_count_to_compare_with() -> None:
+    assert receive(StopLatch(), 2**30).revision == 2**30
+    assert receive(receive(StopLatch(), 0, "r2"), 1).may_drive
+
+
 # ---- the gate
 
 

@@ -481,10 +481,15 @@ async def test_a_count_that_begins_again_forgets_what_was_lifted(tmp_path: Path)
     end = msgspec.structs.replace(fresh().state, revision=2**53, stop_revision=2**53, lifted_revision=2**53)
     path.write_bytes(msgspec.json.encode(end))
     kept = fresh(path)
-    assert kept.stop.revision == 1
+    assert (kept.revision, kept.stop.revision) == (1, 1)
     # What a robot has latched since is newer than any resume of this count.
     assert kept.adopt("r1", reports(True, 1))
     assert kept.stop.names == ("r1",)
+
+
+def test_a_count_goes_on_while_its_next_revision_is_accepted() -> None:
+    nearly = msgspec.structs.replace(fresh().state, revision=2**53 - 1, stop_revision=2**53 - 1)
+    assert nearly.fitted_to(scenario()) is nearly
 
 
 def test_a_change_is_newer_than_all_that_was_changed_before() -> None:
