@@ -160,6 +160,7 @@ class BehaviourRunner:
             if robot.revoked:
                 return
             reason = self._end_early("its function has returned")
+        robot.revoke()  # a task that it has left behind may still call
         self._loop.behave(None)
         self._hold(reason)
 

@@ -44,6 +44,44 @@ KEPT = []
 OVER = asyncio.Event()
 """
 
+LEFTOVER = """
+import asyncio
+
+async def drive_on(robot):
+    while not OVER.is_set():
+        robot.drive(0.2, 0.0)
+        await asyncio.sleep(0.05)
+
+async def set_out_again(robot):
+    while not OVER.is_set():
+        robot.goal(0.5, 0.5)
+        await asyncio.sleep(0.5)
+
+async def fails(robot):
+    await leave_behind(drive_on, robot)
+    raise RuntimeError("out of water")
+
+async def returns(robot):
+    await leave_behind(drive_on, robot)
+
+async def cancelled(robot):
+    await leave_behind(drive_on, robot)
+    raise asyncio.CancelledError
+
+async def fails_with_a_goal(robot):
+    await leave_behind(set_out_again, robot)
+    raise RuntimeError("out of water")
+
+async def leave_behind(function, robot):
+    async for _ in robot.estimates():
+        break
+    KEPT.append(asyncio.create_task(function(robot)))
+    await asyncio.sleep(1.0)
+
+KEPT = []
+OVER = asyncio.Event()
+"""
+
 
 FAILING = """
 import asyncio
@@ -153,6 +191,33 @@ def test_nothing_is_sent_after_the_last_zero(behaviour: str, users_own: Callable
             finally:
                 sys.modules["lab_stubborn"].OVER.set()
                 await asyncio.sleep(0.2)
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "state"),
+    [("fails", "failed"), ("returns", "ended"), ("cancelled", "ended"), ("fails_with_a_goal", "failed")],
+)
+def test_a_task_that_a_failed_or_ended_behaviour_leaves_behind_moves_nothing(
+    behaviour: str, state: str, users_own: Callable[[str, str], None]
+) -> None:
+    users_own("lab_leftover", LEFTOVER)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, f"lab_leftover:{behaviour}")) as fleet:
+            try:
+                await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 3, "the task drives")
+                await fleet.until(lambda: fleet.healths["r1"].state == state, 3, "the behaviour fails or ends")
+                (task,) = sys.modules["lab_leftover"].KEPT
+                for _ in range(20):
+                    await asyncio.sleep(0.1)
+                    assert fleet.commanded("r1") == (0.0, 0.0)
+                    assert fleet.healths["r1"].reasons == (fleet.healths["r1"].failure,)
+                assert not task.done()  # it still calls
+            finally:
+                sys.modules["lab_leftover"].OVER.set()
+                await asyncio.sleep(0.6)
 
     run_virtually(main())
 
