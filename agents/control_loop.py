@@ -166,8 +166,7 @@ class ControlLoop:
             intent: the intent.
 
         Raises:
-            WrongValueError: a number in it that cannot be driven or sent; the intent before stays in force.
-            MessageError: likewise.
+            ValueError: a number in it that cannot be driven or sent; the intent before stays in force.
         """
         out: Outgoing = []
         if not self._ended:

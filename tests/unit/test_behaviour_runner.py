@@ -12,10 +12,12 @@ import pytest
 
 from agents.control_loop import ControlLoop, Surroundings
 from muro_zenoh import channels
-from muro_zenoh.behaviours.interface import Intent
+from muro_zenoh.behaviours.dubins import GoalRide
+from muro_zenoh.behaviours.interface import Intent, Seen
+from muro_zenoh.channels import Role
 from muro_zenoh.config import RobotSettings
 from muro_zenoh.geometry import Twist2
-from muro_zenoh.messages import Resume, SetBehaviour, SetCircle, Stop, StopOrder, VelocityCommand
+from muro_zenoh.messages import Goal, Resume, SetBehaviour, SetCircle, Stop, StopOrder, VelocityCommand
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import memory_fleet, scenario
 
@@ -443,6 +445,81 @@ def test_a_number_of_numpy_is_one(function: str, call: str, users_own: Callable[
             await asyncio.sleep(1.0)
             assert fleet.commanded("r1") != (0.0, 0.0)
             assert fleet.healths["r1"].failure == ""
+
+    run_virtually(main())
+
+
+WAITING = """
+async def sets_out(robot):
+    async for _ in robot.estimates():
+        break
+    robot.goal(0.5, 0.5)
+    async for _ in robot.estimates():
+        try:
+            STEPS.append(robot.now)
+            if robot.revoked:
+                robot.drive(0.2, 0.0)
+        except Exception:
+            pass
+
+STEPS = []
+"""
+
+
+@pytest.mark.parametrize("behaviour", ["dubins", "lab_waiting:sets_out"])
+def test_a_ride_that_fails_in_its_step_fails_the_behaviour_and_not_the_agent(
+    behaviour: str,
+    users_own: Callable[[str, str], None],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    users_own("lab_waiting", WAITING)
+    whole, raising = GoalRide.step, False
+
+    def step(self: GoalRide, seen: Seen) -> Intent:
+        if raising:
+            raise ZeroDivisionError("no such radius")
+        return whole(self, seen)
+
+    monkeypatch.setattr(GoalRide, "step", step)
+
+    async def main() -> None:
+        nonlocal raising
+        async with memory_fleet(scenario(1, "hold")) as fleet:
+            parameters = {"goals": ((0.5, 0.5),)} if behaviour == "dubins" else {}
+            order = SetBehaviour(behaviour=behaviour, parameters=parameters)
+            await fleet.order(channels.SET_BEHAVIOUR, order)
+            await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 2, "it drives")
+            raising = True
+            await fleet.until(lambda: fleet.healths["r1"].state == "failed", 0.5, "it reports it at once")
+            health = fleet.healths["r1"]
+            assert health.failure == f"behaviour {behaviour}: ZeroDivisionError: no such radius"
+            steps = len(getattr(sys.modules.get("lab_waiting"), "STEPS", ()))
+            for _ in range(10):
+                await asyncio.sleep(0.1)
+                assert fleet.commanded("r1") == (0.0, 0.0)
+                assert fleet.healths["r1"].reasons == (health.failure,)
+            assert len(getattr(sys.modules.get("lab_waiting"), "STEPS", ())) == steps  # its task has ended
+            raising = False
+            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="circle"))
+            await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 1.5, "the next one is taken")
+
+    run_virtually(main())
+    assert "Traceback" in caplog.text
+
+
+def test_a_goal_for_a_behaviour_that_has_failed_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    def step(self: GoalRide, seen: Seen) -> Intent:
+        raise ZeroDivisionError("no such radius")
+
+    monkeypatch.setattr(GoalRide, "step", step)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "dubins")) as fleet:
+            await fleet.until(lambda: "r1" in fleet.healths and fleet.healths["r1"].failure != "", 3, "it fails")
+            operator = await fleet.bus(Role.OPERATOR)
+            reply = await operator.ask(channels.GOAL_ORDER, Goal(x=0.5, y=0.5), name="r1")
+            assert (reply.accepted, reply.reason) == (False, fleet.healths["r1"].failure)
 
     run_virtually(main())
 
