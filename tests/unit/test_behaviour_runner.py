@@ -486,8 +486,9 @@ def test_a_ride_that_fails_in_its_step_fails_the_behaviour_and_not_the_agent(
     async def main() -> None:
         nonlocal raising
         async with memory_fleet(scenario(1, "hold")) as fleet:
-            parameters = {"goals": ((0.5, 0.5),)} if behaviour == "dubins" else {}
-            order = SetBehaviour(behaviour=behaviour, parameters=parameters)
+            order = SetBehaviour(behaviour=behaviour)
+            if behaviour == "dubins":
+                order = SetBehaviour(behaviour=behaviour, parameters={"goals": ((0.5, 0.5),)})
             await fleet.order(channels.SET_BEHAVIOUR, order)
             await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 2, "it drives")
             raising = True
@@ -543,8 +544,10 @@ def test_an_importance_that_raises_fails_the_behaviour_and_not_the_agent(
 
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
-            parameters = {"pursuit": "importance", "importance": "lab_weights:weight"}
-            await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="pursuit", parameters=parameters))
+            order = SetBehaviour(
+                behaviour="pursuit", parameters={"pursuit": "importance", "importance": "lab_weights:weight"}
+            )
+            await fleet.order(channels.SET_BEHAVIOUR, order)
             await fleet.until(lambda: fleet.holds("r1", "got RuntimeError('no table') at angle"), 1.5, "it says why")
             assert fleet.healths["r1"].state == "failed"
             assert not fleet.agents["r1"].done()
