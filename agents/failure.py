@@ -33,7 +33,11 @@ def failure_of(error: BaseException, function: Callable[..., Any] | None = None)
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     kind = "" if isinstance(error, MuroError) else f"{type(error).__name__}: "
-    words = " ".join(f"{kind}{error}".split()).removesuffix(":")
+    try:
+        text = str(error)
+    except Exception as broken:  # a user's exception may have a __str__ of its own
+        text = f"its text raises {type(broken).__name__}"
+    words = " ".join(f"{kind}{text}".split()).removesuffix(":")
     if len(words) > _LONGEST:
         words = f"{words[:_LONGEST]} ..."
     return words if function is None else f"{words} ({_place(error, function)})"

@@ -14,9 +14,8 @@ import msgpack
 import pytest
 
 from muro_zenoh import channels
-from muro_zenoh.behaviours.circle import CircleFollowing
-from muro_zenoh.behaviours.interface import Intent, Seen
 from muro_zenoh.channels import Role
+from muro_zenoh.estimation.pose_filter import PoseEstimate, PoseFilter
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import (
     Behaviour,
@@ -371,17 +370,17 @@ def users_own(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.delitem(sys.modules, "lab_of_ours", raising=False)
 
 
-def test_a_crash_of_a_built_in_law_ends_the_agent_and_the_robot_stops(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An exception in a user's code does not: see test_behaviour_runner.py."""
-    step = CircleFollowing.step
+def test_a_crash_of_the_filter_ends_the_agent_and_the_robot_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exception in a behaviour does not: see test_behaviour_runner.py."""
+    at = PoseFilter.at
 
-    def crashing(self: CircleFollowing, seen: Seen) -> Intent:
-        if seen.now > 1.7e9 + 3.0 and next(once, False):
+    def crashing(self: PoseFilter, t: float) -> PoseEstimate | None:
+        if t > 1.7e9 + 3.0 and next(once, False):
             raise RuntimeError("out of water")
-        return step(self, seen)
+        return at(self, t)
 
     once = iter([True])
-    monkeypatch.setattr(CircleFollowing, "step", crashing)
+    monkeypatch.setattr(PoseFilter, "at", crashing)
 
     async def main() -> None:
         async with circling(2) as fleet:

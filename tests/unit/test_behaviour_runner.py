@@ -128,6 +128,13 @@ async def counts(robot):
 
 def cancels(robot):
     raise asyncio.CancelledError
+
+class Speechless(Exception):
+    def __str__(self):
+        return self.nothing
+
+def speechless(robot):
+    raise Speechless
 """
 
 NUMBERS = """
@@ -319,6 +326,7 @@ def test_a_control_loop_that_has_ended_sends_nothing() -> None:
         ),
         ("exits", "failed", "SystemExit: 3 (lab_failing.py, line 34)"),
         ("cancels", "failed", "CancelledError (lab_failing.py, line 43)"),
+        ("speechless", "failed", "Speechless: its text raises AttributeError (lab_failing.py, line 50)"),
         ("brief", "ended", "has ended: its function has returned"),
         ("cancelled", "ended", "has ended: it was cancelled by itself"),
     ],
