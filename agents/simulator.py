@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-import sys
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 
 import numpy as np
 
@@ -17,17 +16,13 @@ from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.messages import Health, Truth
-from muro_zenoh.runtime.process import ready
+from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
-
-_SWITCH_INTERVAL = 0.0005
-"""A camera's thread releases the interpreter's lock within this time when the loop waits for it [s]; Python's default
-of 5 ms would delay the dead-man and every command by that much."""
 
 
 class Room:
@@ -123,9 +118,8 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
         NotConnected: no router answered.
         PlanningError: the robots do not fit into the arena.
     """
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     async with open_bus(scenario.bus, Role.SIMULATOR, Role.BASE, Role.CAMERA) as bus:
-        with ThreadPoolExecutor(max(1, len(scenario.camera)), thread_name_prefix="camera") as threads:
+        with worker_threads(len(scenario.camera), "camera") as threads:
             room = Room(bus, scenario, seed, threads)
             bus.announce(Role.SIMULATOR, "simulator")
             ready("simulator")

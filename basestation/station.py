@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from basestation.fleet.state_store import StateStore
@@ -17,12 +15,8 @@ from basestation.tasks.positions import PositionsTask
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
-from muro_zenoh.runtime.process import ready
+from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
-
-_SWITCH_INTERVAL = 0.0005
-"""How long a thread that searches a frame may keep the loop waiting for the interpreter [s]. With Python's default of
-5 ms the answer to a stop takes nearly twice as long with thirty robots in view."""
 
 
 class Station:
@@ -79,9 +73,8 @@ async def run_basestation(scenario: Scenario, state: Path | None) -> None:
         NotConnected: no router answered.
         ConfigError: a camera's points do not determine a homography, or the file is not a kept state.
     """
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     # One thread per camera: no camera waits for another, and no answer to an order waits for a camera.
-    with ThreadPoolExecutor(max(1, len(scenario.camera)), thread_name_prefix="vision") as threads:
+    with worker_threads(len(scenario.camera), "vision") as threads:
         async with open_bus(scenario.bus, Role.BASESTATION) as bus:
             station = Station(bus, scenario, state, cameras_on_bus(bus, scenario, threads))
             bus.announce(Role.BASESTATION, "basestation")

@@ -188,7 +188,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     # ---- inside
 
     def _require_feasible(self, scenario: Scenario) -> None:
-        """Refuse behaviours that their robots cannot do together on this circle; a user's own are their own affair."""
+        """Refuse behaviours that their robots cannot do together on this circle; users' own are not checked."""
         groups: list[tuple[KeptBehaviour, list[str]]] = []
         for name in scenario.robots:
             kept = self.behaviour[name]

@@ -15,9 +15,11 @@ import logging
 import math
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Any
 
@@ -41,6 +43,10 @@ for a thread which never ends, is ended by force [s]. `muro run` takes up to six
 
 _ORPHAN_TIMEOUT = 3.0
 """The same for a process whose supervisor has ended, because nothing else would stop it [s]."""
+
+_SWITCH_INTERVAL = 0.0005
+"""A worker thread releases the interpreter's lock within this time when the loop waits for it [s]; Python's default of
+5 ms would delay the dead-man, every command and the answer to a stop by that much."""
 
 
 def run_process(main: Callable[[], Coroutine[Any, Any, int | None]], name: str) -> int:
@@ -83,6 +89,17 @@ def _report(error: Exception) -> int:
 def ready(role: str, name: str = "") -> None:
     """Print the ready line that a supervisor waits for."""
     print(f"READY {role} {name}".rstrip(), flush=True)  # noqa: T201 - a line for the supervisor
+
+
+def worker_threads(number: int, name: str) -> ThreadPoolExecutor:
+    """Threads for work that would block the loop, such as rendering and searching frames; they delay it little.
+
+    Args:
+        number: how many; at least one is made.
+        name: the start of their names.
+    """
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    return ThreadPoolExecutor(max(1, number), thread_name_prefix=name)
 
 
 async def _run_until_shutdown(main: Coroutine[Any, Any, int | None]) -> int:
