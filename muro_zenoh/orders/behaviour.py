@@ -41,8 +41,7 @@ async def set_behaviour(bus: Bus, order: SetBehaviour) -> BehaviourResult:
     reports = bus.every(channels.HEALTH, "*", depth=256)
     reply = await bus.ask(channels.SET_BEHAVIOUR, order)
     refusals: dict[str, str] = {}
-    # Only a function of the user's own may be missing on a robot.
-    if not reply.accepted or ":" not in order.behaviour:
+    if not reply.accepted:
         return BehaviourResult(reply, refusals)
     failed = f"behaviour {order.behaviour}:"
     with contextlib.suppress(TimeoutError):

@@ -67,3 +67,43 @@ def test_the_failure_of_an_earlier_order_is_not_reported_again(own: Callable[[st
             assert {health.behaviour_revision for health in fleet.healths.values()} == {third.reply.revision}
 
     run_virtually(main())
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "parameters", "reason"),
+    [
+        ("dubins", {"v_min": 0.6, "v_max": 0.8}, "v_min: got 0.6"),
+        ("coverage", {"v_min": 0.6, "v_max": 0.8}, "v_min: got 0.6"),
+        ("pursuit", {"pursuit": "importance"}, "weights: got 0 for 0 angles"),
+        ("pursuit", {"pursuit": "importance", "angles": (0.0, 1.0), "weights": (1.0, 100.0)}, "importance: got a"),
+    ],
+)
+def test_the_base_station_refuses_what_no_robot_can_run(
+    behaviour: str, parameters: dict[str, Value], reason: str
+) -> None:
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "circle")) as fleet:
+            await asyncio.sleep(1.0)
+            result = await order(fleet, behaviour, **parameters)
+            assert not result.reply.accepted
+            assert result.reply.reason.startswith(f"order: behaviour.{reason}")
+            assert fleet.driving == {"r1"}  # it goes on as before
+            assert not fleet.healths["r1"].failure
+
+    run_virtually(main())
+
+
+def test_the_robots_refusals_of_a_built_in_behaviour_are_reported(own: Callable[[str], None]) -> None:
+    """The base station loads no code of the user's; only the robots find out that a function is missing."""
+    own("")
+
+    async def main() -> None:
+        async with memory_fleet(scenario(2, "circle")) as fleet:
+            await asyncio.sleep(1.0)
+            result = await order(fleet, "pursuit", pursuit="importance", importance="lab_orders:none")
+            assert result.reply.accepted
+            assert set(result.refusals) == {"r1", "r2"}
+            assert all("module lab_orders has no function 'none'" in why for why in result.refusals.values())
+            assert fleet.driving == set()
+
+    run_virtually(main())
