@@ -62,6 +62,7 @@ async def report_health(
                 },
                 samples=samples,
                 failure=runner.failure,
+                behaviour_revision=runner.revision,
                 stop_latched=loop.latch.stopped,
                 stop_all=loop.latch.all_robots,
                 stop_revision=max(loop.latch.revision, 0),

@@ -168,6 +168,10 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def adopting(self, name: str, health: Health) -> KeptState:
         """The state with a stop that a robot received straight from an operator, or with a newer revision than this.
 
+        A newer revision is taken as it is: our next order is then newer than what the robots know. One is added only
+        together with a stop that somebody does not hold yet, so two base stations whose states the robots hear in turn
+        agree after a few of them, instead of overtaking each other for ever.
+
         Args:
             name: of the robot.
             health: what its agent reports.
@@ -177,13 +181,15 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """
         known = self.stop_revision
         latched = health.stop_revision if self._is_near(health.stop_revision) else known
+        kept = self.stop_all or (not health.stop_all and name in self.stop_names)
         # At revision 0 it has received no state since it started, so it cannot have missed a resume either.
-        if health.stop_latched and (latched >= self.lifted_revision or latched == 0):
-            already = self.stop_all or (not health.stop_all and name in self.stop_names)
-            if already and latched <= known:
-                return self
+        if health.stop_latched and not kept and (latched >= self.lifted_revision or latched == 0):
             return self.with_stop(() if health.stop_all else (name,), everybody=health.stop_all, above=latched)
-        return self.with_stop((), everybody=False, above=latched) if latched > known else self
+        if latched <= known:
+            return self
+        if kept and not health.stop_latched:  # it has to receive the stop, which is older than what it knows
+            return self.with_stop((), everybody=False, above=latched)
+        return msgspec.structs.replace(self, stop_revision=latched)
 
     # ---- inside
 

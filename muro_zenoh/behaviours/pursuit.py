@@ -165,16 +165,18 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Pursuit:
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse a circle that the robots cannot share.
+    """Refuse a circle that the robots cannot share, and an invalid table of the importance.
 
     Args:
-        parameters: not used.
+        parameters: both laws; a function of the user's own is loaded only on the robots.
         circle: the circle.
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena, or touch when evenly spread.
+        ParameterError: they would leave the arena, or touch when evenly spread; or as for the speed law.
     """
+    if not (isinstance(parameters.pursuit, ByImportance) and parameters.pursuit.importance):
+        parameters.pursuit_law()
     require_room(circle, fleet)
     count = len(fleet)
     body = max(vehicle.radius for vehicle in fleet)
