@@ -9,7 +9,7 @@ and one row that all users of the table read: agent, rollout, base station, comm
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -252,7 +252,3 @@ class BehaviourKind:
     needs: frozenset[Need] = frozenset()
     expects: Callable[[Any], Expectation] = _nothing_expected
     fits: Callable[[Any, Circle, Sequence[Vehicle]], None] = _always_fits
-
-
-Parameters = Mapping[str, Any]
-"""A behaviour's parameters as in settings files and orders: values by key."""
