@@ -155,7 +155,7 @@ def judge(found: dict[str, list[Mutant]], complete: bool) -> tuple[str, bool]:
     reasons = {(e["module"], e["line"], becomes): e["reason"] for e in explained for becomes in e["becomes"]}
     unused = set(reasons)
     rows = [
-        "| module | mutants | killed by tests | by types | timeout | survived | of these explained |",
+        "| module | mutants | killed by tests | by types | timeout | survived | explained |",
         "|---" * 7 + "|",
     ]
     left: list[Mutant] = []
