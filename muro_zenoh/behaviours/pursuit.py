@@ -64,6 +64,7 @@ class ByImportance:
 
         Raises:
             ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
+            BehaviourError: an importance that cannot be loaded, or raises an exception.
         """
         from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do not load
 
@@ -92,6 +93,7 @@ class Parameters:
 
         Raises:
             ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
+            BehaviourError: an importance that cannot be loaded, or raises an exception.
         """
         return self.pursuit.law() if isinstance(self.pursuit, ByImportance) else self.pursuit
 

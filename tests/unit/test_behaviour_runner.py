@@ -486,8 +486,9 @@ def test_a_ride_that_fails_in_its_step_fails_the_behaviour_and_not_the_agent(
     async def main() -> None:
         nonlocal raising
         async with memory_fleet(scenario(1, "hold")) as fleet:
-            parameters = {"goals": ((0.5, 0.5),)} if behaviour == "dubins" else {}
-            order = SetBehaviour(behaviour=behaviour, parameters=parameters)
+            order = SetBehaviour(behaviour=behaviour)
+            if behaviour == "dubins":
+                order = SetBehaviour(behaviour=behaviour, parameters={"goals": ((0.5, 0.5),)})
             await fleet.order(channels.SET_BEHAVIOUR, order)
             await fleet.until(lambda: fleet.commanded("r1") != (0.0, 0.0), 2, "it drives")
             raising = True
@@ -532,6 +533,39 @@ def test_a_reason_that_is_no_text_is_shown_as_one(users_own: Callable[[str, str]
             order = SetBehaviour(behaviour="lab_numbers:plain", parameters={"call": "reason"})
             await fleet.order(channels.SET_BEHAVIOUR, order)
             await fleet.until(lambda: fleet.healths["r1"].reasons == ("7",), 2, "it holds")
+
+    run_virtually(main())
+
+
+def test_an_importance_that_raises_fails_the_behaviour_and_not_the_agent(
+    users_own: Callable[[str, str], None], caplog: pytest.LogCaptureFixture
+) -> None:
+    users_own("lab_weights", "def weight(angle):\n    raise RuntimeError('no table')\n")
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "hold")) as fleet:
+            order = SetBehaviour(
+                behaviour="pursuit", parameters={"pursuit": "importance", "importance": "lab_weights:weight"}
+            )
+            await fleet.order(channels.SET_BEHAVIOUR, order)
+            await fleet.until(lambda: fleet.holds("r1", "got RuntimeError('no table') at angle"), 1.5, "it says why")
+            assert fleet.healths["r1"].state == "failed"
+            assert not fleet.agents["r1"].done()
+
+    run_virtually(main())
+    assert 'lab_weights.py", line 2, in weight' in caplog.text
+
+
+def test_a_behaviour_that_cannot_be_made_fails_and_not_its_agent(monkeypatch: pytest.MonkeyPatch) -> None:
+    def make(*_: object) -> GoalRide:
+        raise ZeroDivisionError("no such radius")
+
+    monkeypatch.setattr("agents.tasks.behaviour.make_behaviour", make)
+
+    async def main() -> None:
+        async with memory_fleet(scenario(1, "hold")) as fleet:
+            await fleet.until(lambda: fleet.holds("r1", "ZeroDivisionError: no such radius"), 3, "it says why")
+            assert not fleet.agents["r1"].done()
 
     run_virtually(main())
 
