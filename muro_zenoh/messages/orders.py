@@ -73,6 +73,8 @@ class Health(Message, frozen=True, kw_only=True):
         behaviour_revision: the revision of the newest order of a behaviour that was obeyed; ``failure`` is about it.
         stop_latched: a stop is latched.
         stop_all: the latched stop was one to all robots.
+        stop_names: the robots that the stop orders name that were received; the others remember it for a robot whose
+            agent restarts.
         stop_revision: the newest revision of the stop order that was received.
     """
 
@@ -85,6 +87,7 @@ class Health(Message, frozen=True, kw_only=True):
     behaviour_revision: int = 0
     stop_latched: bool = False
     stop_all: bool = False
+    stop_names: tuple[Name, ...] = ()
     stop_revision: int = 0
 
 

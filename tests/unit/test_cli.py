@@ -18,7 +18,7 @@ import muro_zenoh
 from muro_zenoh.cli.main import main
 from muro_zenoh.cli.options import assignments, override_bus, toml_value
 from muro_zenoh.cli.payloads import full_key, shown, type_of
-from muro_zenoh.config import BusSettings, built_in_scenarios, find_scenario, load_scenario
+from muro_zenoh.config import PROCESSES, BusSettings, built_in_scenarios, find_scenario, load_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.supervision.folder import make_run_folder, write_scenario
 from muro_zenoh.supervision.launch import fleet_specs, free_port, router_spec
@@ -226,6 +226,7 @@ def test_every_process_of_a_run_is_started_by_a_command_that_parses(tmp_path: Pa
     file = write_scenario(scenario, tmp_path)
     specs = [router_spec(file), *fleet_specs(scenario, file, 7, tmp_path)]
     assert [spec.name for spec in specs] == ["router", "simulator", "basestation", "r1", "r2"]
+    assert {"muro", *(spec.name for spec in specs)} == {*PROCESSES, "r1", "r2"}, "a robot could have its name"
     context = click.Context(main, info_name="muro")
     for spec in specs:
         python, flags, (word, *words) = spec.command[0], spec.command[1:4], spec.command[4:]

@@ -150,6 +150,13 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     ({"robot": {"r1": {"base": "../kobuki"}}}, "lab.toml: robot.r1.base: got '../kobuki' (text), expected text like"),
     ({"robot": {"R1": {"tag": 1}}}, "lab.toml: robot.R1: got 'R1' (text), expected text like"),
+    *(
+        (
+            {"robot": {"r1": {"tag": 1}, name: {"tag": 2}}},
+            f"lab.toml: robot.{name}: got the name of one of our own processes, expected another name than muro,",
+        )
+        for name in ("muro", "router", "simulator", "basestation")
+    ),
     ({"robot": {"r1": 4}}, "lab.toml: robot.r1: got 4 (integer), expected a table [robot.r1]"),
     ({"robot": [1]}, "lab.toml: robot: got [1] (array), expected a table [robot]"),
     ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number at least 0.001 [m]"),

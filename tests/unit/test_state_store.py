@@ -450,6 +450,30 @@ async def test_a_robot_that_knows_a_newer_revision_is_caught_up_with() -> None:
     assert kept.stop.revision == kept.state.lifted_revision == 42
 
 
+@pytest.mark.parametrize("revision", [0, 1, 7])
+async def test_a_stop_of_another_robot_is_adopted_from_one_that_remembers_it(revision: int) -> None:
+    """The other one's agent has restarted since, and has forgotten it."""
+    kept = fresh()
+    remembers = Health(role="agent", state="x", stop_names=("r1", "r3"), stop_revision=revision)
+    assert kept.adopt("r1", reports(False, 0)) is None
+    assert kept.adopt("r2", remembers)
+    assert stopped(kept) == (False, ("r1", "r3"))
+    assert kept.stop.revision > max(revision, 1)
+    assert not kept.adopt("r2", remembers)  # it is known now
+
+
+async def test_a_stop_of_another_robot_that_was_lifted_is_not_adopted_again() -> None:
+    kept = fresh()
+    await kept.add_stop(Stop(names=("r1",)))
+    remembers = Health(role="agent", state="x", stop_names=("r1",), stop_revision=kept.stop.revision)
+    await kept.resume(Resume(revision=kept.stop.revision))
+    assert not kept.adopt("r2", remembers)
+    assert stopped(kept) == (False, ())
+    everybody = Health(role="agent", state="x", stop_latched=True, stop_all=True, stop_names=("r1",), stop_revision=3)
+    assert kept.adopt("r2", everybody)
+    assert stopped(kept) == (True, ("r1",))
+
+
 @pytest.mark.parametrize("everybody", [False, True])
 async def test_a_robot_that_missed_a_kept_stop_receives_it_at_a_newer_revision_than_it_knows(everybody: bool) -> None:
     """The file is older than the state that the robots heard last."""
