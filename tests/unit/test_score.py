@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace as replace_fields
 
+from muro_zenoh.behaviours.interface import Deployment, Expectation
 from muro_zenoh.cli.summary import summary
 from muro_zenoh.config import Checks
 from muro_zenoh.config.checks import at_least, at_most
@@ -28,8 +29,6 @@ from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
 from muro_zenoh.scoring.checks import CHECKS, Judged, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
-from muro_zenoh.scoring.deployment import Deployment
-from muro_zenoh.scoring.expectations import Expectations
 from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
@@ -156,7 +155,7 @@ RESTING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
 PATHS = {f"r{k + 1}": (Planned(0.0, PlannedPath(Pose2(k, 0.49, 0.0), (Segment(5.0, 0.0),))),) for k in range(3)}
 
 
-EXPECTED = Expectations(
+EXPECTED = Expectation(
     follows_circle=True,
     spreads=True,
     importance=Importance.from_function(lambda angle: 1.0),
