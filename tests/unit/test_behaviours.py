@@ -136,6 +136,7 @@ def test_a_function_named_in_settings_is_loaded() -> None:
         ("circle", {"speed": "fast"}, ["lab.toml: behaviour.speed", "'fast'", "[m/s]"]),
         ("circle", {"law": "lqr", "radial_size": 5e-324}, ["lab.toml: behaviour.radial_size", "5e-324", "0.001 [m]"]),
         ("circle", {"law": "lqr", "turn_size": 5e-324}, ["lab.toml: behaviour.turn_size", "0.001 [rad/s]"]),
+        ("circle", {"law": "lqr", "heading_size": 1e-300}, ["lab.toml: behaviour.heading_size", "0.001 [rad]"]),
         ("dubins", {"turning_radius": 1e-13}, ["lab.toml: behaviour.turning_radius", "1e-13", "0.001 [m]"]),
         ("dubins", {"v_min": -1.0}, ["lab.toml: behaviour.v_min", "-1", "above 0"]),
     ],
