@@ -153,14 +153,16 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             scenario: the settings.
 
         Raises:
-            OrderRefused: the stop has changed since the operator looked, or a robot that the settings do not have.
+            OrderRefused: the stop has changed since the operator looked, or a robot that neither is stopped nor in the
+                settings.
         """
         if order.revision < self.stop_revision and (self.stop_all or self.stop_names):
             raise OrderRefused(
                 f"resume: got revision {order.revision}, expected {self.stop_revision}: "
                 "an order came in between; look again, then resume"
             )
-        _check_names(order.names, scenario)
+        # Any name can be stopped, so any that is can be resumed.
+        _check_names([name for name in order.names if name not in self.stop_names], scenario)
         stopped = {*self.stop_names, *(scenario.robots if self.stop_all else ())}
         new = self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
         return msgspec.structs.replace(new, lifted_revision=new.stop_revision)
@@ -199,7 +201,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     # ---- inside
 
     def _require_feasible(self, scenario: Scenario) -> None:
-        """Refuse behaviours that their robots cannot do together on this circle; a user's own are their own affair."""
+        """Refuse behaviours that their robots cannot do together on this circle; users' own are not checked."""
         groups: list[tuple[KeptBehaviour, list[str]]] = []
         for name in scenario.robots:
             kept = self.behaviour[name]

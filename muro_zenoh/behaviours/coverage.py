@@ -186,14 +186,16 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         parameters.ride.settings(vehicle)
 
 
-def expects(parameters: Parameters) -> Expectation:
+def expects(parameters: Parameters, vehicle: Vehicle) -> Expectation:
     """What its score sheet shows.
 
     Args:
         parameters: parameters of the deployment.
+        vehicle: a robot; its arena is the floor.
     """
     return Expectation(
-        v_min=parameters.ride.profile.v_min, deployment=Deployment(parameters.density(), parameters.hold_time)
+        v_min=parameters.ride.profile.v_min,
+        deployment=Deployment(vehicle.arena, parameters.density(), parameters.hold_time),
     )
 
 

@@ -202,8 +202,7 @@ class GoalRide(Behaviour):
         return self._wait()
 
     def _wait(self) -> Intent:
-        waiting = self._itinerary.waiting
-        return hold(self._idle if self._idle and "given up" not in waiting else waiting)
+        return hold(self._itinerary.given_up or self._idle or self._itinerary.waiting)
 
 
 def make(parameters: Parameters, vehicle: Vehicle) -> GoalRide:
@@ -240,6 +239,6 @@ BEHAVIOUR = BehaviourKind(
     make,
     "drive to each goal along a Dubins curve",
     needs=frozenset({Need.GOALS}),
-    expects=lambda parameters: Expectation(goals=True, v_min=parameters.ride.profile.v_min),
+    expects=lambda parameters, vehicle: Expectation(v_min=parameters.ride.profile.v_min),
     fits=fits,
 )

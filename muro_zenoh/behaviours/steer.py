@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from muro_zenoh.behaviours.dubins import GoalList
-from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Expectation, Intent, Need, Seen, Vehicle, hold
+from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Intent, Need, Seen, Vehicle, hold
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import STILL, Pose2
@@ -90,6 +90,5 @@ BEHAVIOUR = BehaviourKind(
     make,
     "drive to each goal by point-forward steering",
     needs=frozenset({Need.GOALS}),
-    expects=lambda parameters: Expectation(goals=True),
     fits=lambda parameters, circle, fleet: parameters.targets.require_inside(fleet),
 )

@@ -8,6 +8,7 @@ from msgspec import Meta, field
 
 from muro_zenoh import geometry
 from muro_zenoh.messages.base import Message, Name, Value
+from muro_zenoh.quantities import SHORTEST
 
 
 class Goal(Message, frozen=True, kw_only=True):
@@ -23,7 +24,7 @@ class Circle(Message, frozen=True, kw_only=True):
 
     x: float
     y: float
-    radius: Annotated[float, Meta(gt=0)]
+    radius: Annotated[float, Meta(ge=SHORTEST)]
     clockwise: bool = False
     revision: Annotated[int, Meta(ge=0)] = 0
 
@@ -95,7 +96,7 @@ class SetCircle(Message, frozen=True, kw_only=True):
 
     x: float | None = None
     y: float | None = None
-    radius: Annotated[float, Meta(gt=0)] | None = None
+    radius: Annotated[float, Meta(ge=SHORTEST)] | None = None
     clockwise: bool | None = None
 
 

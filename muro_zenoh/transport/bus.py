@@ -118,7 +118,7 @@ class Bus:
         Args:
             channel: which.
             name: whose; ``*`` for all names.
-            depth: how many wait at most; beyond, the oldest goes and is counted.
+            depth: how many wait at most; when it is full, the oldest is dropped and counted.
         """
         return self._subscribe(channel, name, Every(self._slot(channel, name), depth))
 

@@ -122,8 +122,8 @@ def test_a_wrong_key_in_a_file() -> None:
     ("given", "said"),
     [
         ("circle.radus=1", "circle.radus: got an unknown key, expected one of x, y, radius, clockwise"),
-        ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number above 0 [m]"),
-        ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number above 0 [m]"),
+        ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number at least 0.001 [m]"),
+        ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number at least 0.001 [m]"),
         ("circle.radius", "--set: got 'circle.radius', expected KEY=VALUE, such as circle.radius=0.9"),
         ("=3", "--set: got '=3', expected KEY=VALUE"),
         ("circle..x=3", "--set: got 'circle..x=3', expected KEY=VALUE"),

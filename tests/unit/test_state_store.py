@@ -279,6 +279,17 @@ async def test_resume_of_an_unknown_robot_is_refused() -> None:
     assert stopped(kept) == (True, ())
 
 
+async def test_a_stop_of_a_robot_that_no_file_names_can_be_lifted_by_its_name() -> None:
+    kept = fresh()
+    await kept.add_stop(Stop(names=("r1", "visitor")))
+    with pytest.raises(OrderRefused, match=r"^robot r9: expected"):
+        await kept.resume(Resume(revision=kept.stop.revision, names=("visitor", "r9")))
+    await kept.resume(Resume(revision=kept.stop.revision, names=("visitor",)))
+    assert stopped(kept) == (False, ("r1",))
+    with pytest.raises(OrderRefused, match=r"^robot visitor: expected"):
+        await kept.resume(Resume(revision=kept.stop.revision, names=("visitor",)))
+
+
 async def test_resume_when_nobody_is_stopped_is_harmless() -> None:
     kept = fresh()
     await kept.resume(Resume(revision=0))
