@@ -753,12 +753,60 @@ async def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> 
 async def test_all_of_it_is_in_the_file_when_that_is_synced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a buffer still holds is lost with the power."""
     synced: list[bytes] = []
-    monkeypatch.setattr(os, "fsync", lambda fd: synced.append(Path(f"/proc/self/fd/{fd}").read_bytes()))
+
+    def sync(fd: int) -> None:
+        file = Path(f"/proc/self/fd/{fd}")
+        if file.is_file():
+            synced.append(file.read_bytes())
+
+    monkeypatch.setattr(os, "fsync", sync)
     path = tmp_path / "state.json"
     kept = fresh(path)
     await kept.add_stop(Stop(names=("r2",)))
     assert [msgspec.json.decode(data, type=KeptState) for data in synced] == [kept.state]
     assert path.read_bytes() == synced[0]
+
+
+async def test_the_files_new_name_is_synced_before_a_stop_is_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    steps: list[str] = []
+    replace = Path.replace
+
+    def sync(fd: int) -> None:
+        steps.append(f"sync {Path(f'/proc/self/fd/{fd}').resolve().name}")
+
+    def rename(file: Path, target: Path) -> Path:
+        steps.append(f"rename {file.name} to {target.name}")
+        return replace(file, target)
+
+    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(Path, "replace", rename)
+    await kept.add_stop(Stop())
+    new, folder = "state.json.1.new", tmp_path.name
+    assert steps == [f"sync {new}", f"rename {new} to state.json", f"sync {folder}"]
+
+
+async def test_a_folder_that_hangs_keeps_no_other_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = fresh(tmp_path / "state.json")
+    hangs, released = threading.Event(), threading.Event()
+
+    def sync(fd: int) -> None:
+        if Path(f"/proc/self/fd/{fd}").is_dir() and not hangs.is_set():
+            hangs.set()
+            released.wait(seconds(30))
+
+    monkeypatch.setattr(os, "fsync", sync)
+    first = asyncio.ensure_future(kept.add_stop(Stop(names=("r1",))))
+    try:
+        assert await asyncio.to_thread(hangs.wait, seconds(10))
+        await asyncio.wait_for(kept.add_stop(Stop(names=("r2",))), seconds(10))
+        assert not first.done()
+    finally:
+        released.set()
+    await first
 
 
 async def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
