@@ -511,7 +511,7 @@ def test_the_summary_of_the_fleet_is_in_the_units_of_the_rows() -> None:
 def test_one_of_a_thing_is_in_the_singular() -> None:
     (separation,) = [line for line in lines_of(observed(collisions=1)) if line.startswith("min separation")]
     assert separation.endswith(", 1 collision")
-    assert lines_of(observed(robots=("r1",), samples=()), Checks())[0].startswith("pursuit: 1 robot, 60 s")
+    assert summary(replace(score_run(observed(), Checks()), robots=1)).startswith("pursuit: 1 robot, 60 s")
     assert [counted(n, "round") for n in (0, 1, 2)] == ["0 rounds", "1 round", "2 rounds"]
 
 

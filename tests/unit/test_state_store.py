@@ -102,13 +102,13 @@ async def test_a_refusal_says_how_large_a_circle_may_be() -> None:
 
 async def test_a_circle_on_which_the_fleet_would_touch_is_refused() -> None:
     """Three robots of 0.177 m radius touch on a circle below 0.2044 m; two do not."""
-    with pytest.raises(OrderRefused, match=r"^order: circle\.radius: got 3 robots on a circle of 0\.2 m"):
+    with pytest.raises(OrderRefused, match=r"^circle\.radius: got 3 robots on a circle of 0\.2 m"):
         await fresh().set_circle(SetCircle(radius=0.2))
     await fresh(robots=2).set_circle(SetCircle(radius=0.2))
     kept = fresh()
     await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",)))
     await kept.set_circle(SetCircle(radius=0.2))  # the one between them does not pursue
-    with pytest.raises(OrderRefused, match=r"^order: circle\.radius: got 3 robots"):
+    with pytest.raises(OrderRefused, match=r"^circle\.radius: got 3 robots"):
         await kept.set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": 0.15}, names=("r2",)))
 
 
@@ -198,6 +198,11 @@ async def test_a_behaviour_order_to_an_unknown_robot_is_refused() -> None:
     with pytest.raises(OrderRefused, match=r"^robot r8, r9: expected names out of r1, r2, r3$"):
         await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r1", "r8", "r9")))
     assert kept.state == before
+
+
+async def test_a_refused_behaviour_order_begins_with_the_key() -> None:
+    with pytest.raises(OrderRefused, match=r"^behaviour\.cruise: got -1 \(integer\), expected a number at least 0"):
+        await fresh().set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": -1}))
 
 
 # ---- stop and resume
