@@ -196,6 +196,7 @@ class Robot:
             theta: the heading to arrive with [rad]; None when it does not matter.
 
         Raises:
+            ParameterError: a number that is not finite.
             PlanningError: there is no path to the goal, or the robot has no pose yet.
         """
         from muro_zenoh.behaviours import dubins  # needs numpy, which most agents do not load
