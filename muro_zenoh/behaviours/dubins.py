@@ -213,16 +213,18 @@ def make(parameters: Parameters, vehicle: Vehicle) -> GoalRide:
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse goals outside the arena.
+    """Refuse goals outside the arena, and a ride that a robot is too slow for.
 
     Args:
-        parameters: the parameters, with the goals.
+        parameters: how to drive, and the goals.
         circle: not used.
         fleet: the robots.
 
     Raises:
-        ParameterError: a goal is outside the arena, or too near its border.
+        ParameterError: ``v_min`` is above a robot's ``v_max``; or a goal is outside the arena, or too near its border.
     """
+    for vehicle in fleet:
+        parameters.ride.settings(vehicle)
     parameters.targets.require_inside(fleet)
 
 

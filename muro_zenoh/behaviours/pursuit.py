@@ -54,6 +54,7 @@ class ByImportance:
 
         Raises:
             ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
+            BehaviourError: an importance that cannot be loaded, or raises an exception.
         """
         from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do not load
 
@@ -82,6 +83,7 @@ class Parameters:
 
         Raises:
             ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
+            BehaviourError: an importance that cannot be loaded, or raises an exception.
         """
         return self.pursuit.law() if isinstance(self.pursuit, ByImportance) else self.pursuit
 
@@ -155,16 +157,18 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Pursuit:
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse a circle that the robots cannot share.
+    """Refuse a circle that the robots cannot share, and an invalid table of the importance.
 
     Args:
-        parameters: not used.
+        parameters: both laws; a function of the user's own is loaded only on the robots.
         circle: the circle.
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena, or touch when evenly spread.
+        ParameterError: they would leave the arena, or touch when evenly spread; or as for the speed law.
     """
+    if not (isinstance(parameters.pursuit, ByImportance) and parameters.pursuit.importance):
+        parameters.pursuit_law()
     require_room(circle, fleet)
     count = len(fleet)
     body = max(vehicle.radius for vehicle in fleet)

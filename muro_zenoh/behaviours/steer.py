@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from muro_zenoh.behaviours.dubins import GoalList, fits
+from muro_zenoh.behaviours.dubins import GoalList
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Intent, Need, Seen, Vehicle, hold
 from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.errors import ParameterError
@@ -89,5 +89,5 @@ BEHAVIOUR = BehaviourKind(
     make,
     "drive to each goal by point-forward steering",
     needs=frozenset({Need.GOALS}),
-    fits=fits,
+    fits=lambda parameters, circle, fleet: parameters.targets.require_inside(fleet),
 )

@@ -24,6 +24,7 @@ from muro_zenoh.supervision.folder import REPORT, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
 from muro_zenoh.transport import open_bus
+from muro_zenoh.wording import counted
 
 INTERRUPTED = 130
 """Exit code of a run that was interrupted before its end."""
@@ -95,7 +96,9 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
         screen: where it is shown.
     """
     scenario = settings.scenario
-    screen.notify(f"{scenario.name}: {len(scenario.robots)} robots, seed {settings.seed}; logs in {settings.folder}/")
+    screen.notify(
+        f"{scenario.name}: {counted(len(scenario.robots), 'robot')}, seed {settings.seed}; logs in {settings.folder}/"
+    )
     with screen:
         try:
             async with Supervisor(settings.folder, screen.notify) as supervisor:

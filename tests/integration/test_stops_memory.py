@@ -119,6 +119,35 @@ def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
     run_virtually(main())
 
 
+def test_a_stop_without_a_base_station_outlives_the_restart_of_the_agent_that_it_stopped() -> None:
+    """The other agents remember it, and report it to the base station when that is back."""
+
+    async def main() -> None:
+        async with driving(2) as fleet:
+            await fleet.end_station()
+            operator = await fleet.bus(Role.OPERATOR)
+            result = await stop_robots(operator, ("r1",))
+            assert (result.reply, result.confirmed) == (None, True)
+            await operator.close()
+            fleet.agents["r1"].cancel()
+            await asyncio.wait({fleet.agents["r1"]})
+            await fleet.start_agent("r1")
+            await asyncio.sleep(1.0)
+            assert not fleet.healths["r1"].stop_latched  # it has forgotten it
+            commands = await commands_of(fleet)
+            await fleet.start_station()
+            await fleet.until(lambda: fleet.driving == {"r2"}, 3, "r2 drives on")
+            await asyncio.sleep(2.0)
+            assert fleet.station.store.stop.names == ("r1",)
+            assert {(c.message.v, c.message.omega) for c in commands.drain()} == {(0.0, 0.0)}
+            assert (await resume_robots(await fleet.bus(Role.OPERATOR), ())).reply.accepted
+            await fleet.until(lambda: fleet.driving == {"r1", "r2"}, 1, "both drive")
+            await asyncio.sleep(2.0)
+            assert fleet.driving == {"r1", "r2"}
+
+    run_virtually(main())
+
+
 def test_a_hold_is_zero_at_once(own: None) -> None:
     async def main() -> None:
         async with driving(behaviour="lab_stops:on_and_off") as fleet:

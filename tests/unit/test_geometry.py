@@ -101,7 +101,7 @@ def test_the_circles_direction() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
 def test_a_circle_has_a_radius(radius: float) -> None:
-    with pytest.raises(ParameterError, match=r"radius: got .*, expected a number above 0 \[m\]"):
+    with pytest.raises(ParameterError, match=r"radius: got .*, expected a number at least 0.001 \[m\]"):
         Circle(0.0, 0.0, radius)
 
 

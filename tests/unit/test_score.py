@@ -35,6 +35,7 @@ from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import CheckResult, ProcessUse, ScoreSheet
 from muro_zenoh.scoring.spread import percentile
 from muro_zenoh.supervision.run import RunResult
+from muro_zenoh.wording import counted
 
 PAGE = Path(__file__).parents[2] / "docs" / "scoresheet.md"
 CIRCLE = Circle(1.0, -0.5, 0.8)
@@ -445,7 +446,8 @@ def test_the_summary_of_a_quiet_run_says_nothing_of_stops_and_failures() -> None
 @pytest.mark.parametrize(
     ("changes", "checks", "line"),
     [
-        ({}, Checks(), "nothing was checked: the scenario has no [checks]"),
+        ({}, Checks(), "nothing was checked: the scenario sets no limit in [checks]"),
+        ({}, Checks(window=5.0), "nothing was checked: the scenario sets no limit in [checks]"),
         ({"ended": "failed"}, ALL_CHECKS, "NOT PASSED (failed)"),
         ({"ended": "interrupted"}, Checks(), "NOT PASSED (interrupted; nothing was checked)"),
         ({"collisions": 2, "command_ratio": 1.1}, ALL_CHECKS, "NOT PASSED (collisions, command_ratio not met)"),
@@ -467,6 +469,37 @@ def test_the_summary_says_what_kept_robots_from_driving() -> None:
     assert "stop order r1 for 12.4 s" in lines
     assert "never seen r2 r3 (by any camera)" in lines
     assert "r2: behaviour lab:swim: out of water" in lines
+
+
+def lines_of(seen: Observed, checks: Checks = ALL_CHECKS) -> list[str]:
+    """The summary's lines, with single spaces."""
+    return [" ".join(line.split()) for line in summary(score_run(seen, checks)).splitlines()]
+
+
+def test_the_summary_says_which_number_is_of_all_robots_and_which_of_the_worst() -> None:
+    lines = lines_of(observed())
+    assert "radius error p50 0.01 m p95 0.01 m max 0.01 m (all robots)" in lines
+    assert "check radius_error_p95 (worst robot): 0.01 m, limit at most 0.03 m: met" in lines
+    assert "check spacing_error_p95: 0.02 rad, limit at most 0.1 rad: met" in lines
+    assert any(line.startswith("check fix_rate (worst robot): 19.5 Hz, limit at least") for line in lines)
+    assert "fix rate at least 19.5 Hz" in lines
+
+
+def test_the_summary_of_the_fleet_is_in_the_units_of_the_rows() -> None:
+    lines = lines_of(observed(calibration={name: Calibrated(1.05, 0.9, 0.98, 1.1) for name in ("r1", "r2", "r3")}))
+    assert lines[0].startswith("pursuit: 3 robots, 60 s, seed ")
+    assert "calibration error at most 0.029" in lines
+    assert "calibration error at most -" in lines_of(observed()), "that of r2 is not known"
+    uses = {"muro": ProcessUse(1.25, 50.0), "r1": ProcessUse(2.5, None), "r2": ProcessUse(None, None)}
+    assert "processor 3.75 % of one core, all processes" in lines_of(observed(processes=uses))
+    assert "processor - of one core, all processes" in lines_of(observed(processes={}))
+
+
+def test_one_of_a_thing_is_in_the_singular() -> None:
+    (separation,) = [line for line in lines_of(observed(collisions=1)) if line.startswith("min separation")]
+    assert separation.endswith(", 1 collision")
+    assert lines_of(observed(robots=("r1",), samples=()), Checks())[0].startswith("pursuit: 1 robot, 60 s")
+    assert [counted(n, "round") for n in (0, 1, 2)] == ["0 rounds", "1 round", "2 rounds"]
 
 
 # ---- rows

@@ -22,7 +22,7 @@ from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.errors import TransportError
+from muro_zenoh.errors import NoReply, TransportError
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import Clear, Estimate, Frame, Health, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
 from muro_zenoh.runtime.clock import Clock, SystemClock
@@ -124,6 +124,38 @@ def test_orders_are_answered_and_published_at_once() -> None:
             assert (refused.accepted, "inside the arena" in refused.reason) == (False, True)
             refused = await ask(channels.CLEAR, Clear(name="r1"))
             assert (refused.accepted, refused.reason) == (False, "robot r1 was never seen")
+
+    run_virtually(main())
+
+
+async def test_no_order_is_taken_once_the_base_station_shuts_down(tmp_path: Path) -> None:
+    """Nothing would publish it: an operator has to see that nobody keeps the stop."""
+    async with real_lab() as there, make_bus(there.network.link()) as bus:
+        ending = Station(bus, LAB, tmp_path / "state.json", [])
+        task = asyncio.create_task(ending.run())
+        await within(5, there.bus.latest(channels.STOP).next(), "the stop state")
+        under_way = asyncio.create_task(there.ask(channels.STOP_ORDER, Stop()))
+        await asyncio.sleep(0)  # it is sent, and not taken yet
+        ending._orders.close()
+        refused = await under_way
+        assert (refused.accepted, refused.reason) == (False, "the base station is shutting down")
+        task.cancel()
+        await asyncio.wait({task})
+        with pytest.raises(NoReply):
+            await there.ask(channels.STOP_ORDER, Stop())
+        assert not ending.store.stop.all
+
+
+def test_a_base_station_that_ends_takes_no_more_orders() -> None:
+    async def main() -> None:
+        async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
+            task = asyncio.create_task(Station(bus, LAB, None, []).run())
+            await asyncio.sleep(1.0)
+            assert (await there.bus.ask(channels.STOP_ORDER, Stop())).accepted
+            task.cancel()
+            await asyncio.wait({task})
+            with pytest.raises(NoReply):
+                await there.bus.ask(channels.STOP_ORDER, Stop())
 
     run_virtually(main())
 

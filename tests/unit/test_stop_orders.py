@@ -399,7 +399,7 @@ def test_the_command_exits_with_0_when_everybody_has_confirmed(monkeypatch: pyte
 
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
     assert done.output == (
-        "base station: did not answer, so only the robots themselves keep this order\n"
+        "base station: did not answer: only the agents that are running now remember this stop, until it is back\n"
         "r1: has stopped\nr2: has stopped\n"
     )
     assert done.exit_code == 0
