@@ -12,7 +12,7 @@ from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Circle
-from muro_zenoh.planning.destination import Destination
+from muro_zenoh.planning.destination import Destination, require_inside
 from muro_zenoh.planning.itinerary import Itinerary
 from muro_zenoh.quantities import Duration, Length, check_quantities
 
@@ -98,13 +98,7 @@ class GoalList:
         """
         for vehicle in fleet:
             for index, (x, y, *_) in enumerate(self.goals):
-                if not vehicle.arena.shrunk(vehicle.radius).holds(x, y):
-                    raise ParameterError(
-                        f"goals[{index}]",
-                        got=f"({x:g}, {y:g})",
-                        expected=f"a position inside the arena, at least {vehicle.radius:g} m (the robot's radius) "
-                        "from its border",
-                    )
+                require_inside(f"goals[{index}]", x, y, vehicle.arena, vehicle.radius)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -129,7 +129,7 @@ def test_a_function_named_in_settings_is_loaded() -> None:
         ("circle", {"law": "magic"}, ["lab.toml: behaviour.law", "'magic'", "vector_field"]),
         ("dubins", {"v_min": 0.5}, ["lab.toml: behaviour", "v_min", "v_max"]),
         ("dubins", {"v_min": 0.6, "v_max": 0.7}, ["lab.toml: behaviour.v_min", "at most the v_max of robot r1"]),
-        ("dubins", {"goals": [[9.0, 0.0]]}, ["lab.toml: behaviour.goals[0]", "(9, 0)", "inside the arena"]),
+        ("dubins", {"goals": [[9.0, 0.0]]}, ["lab.toml: behaviour.goals[0]", "(9, 0)", "outside the arena"]),
         ("steer", {"goals": [[1.0]]}, ["lab.toml: behaviour.goals[0]", "1 numbers"]),
         ("pursuit", {"pursuit": "importance"}, ["lab.toml: behaviour", "weights", "0 angles"]),
         ("pursuit", {"pursuit": "importance", "importance": "nolab:w"}, ["lab.toml: behaviour", "nolab"]),

@@ -292,8 +292,8 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
-        "lab.toml: goals.r1[1]: got (5, 0), expected a position inside the arena, at least 0.177 m (the robot's "
-        "radius) from its border",
+        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.923 to 1.923, "
+        "y -1.323 to 1.323 m, 0.177 m inside the border",
     ),
 }
 
