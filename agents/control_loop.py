@@ -75,9 +75,11 @@ class ControlLoop:
         latch: the stop latch.
         reasons: why the robot must not drive, most important first; empty while it may drive.
         seen: the observations at the newest estimate; None before the first.
-        changed: whether the latch or the reasons have changed; the health report clears it.
+        changed: whether the latch, the stopped names or the reasons have changed; the health report clears it.
         fixes: number of accepted fixes since the start.
         commands: number of commands sent since the start.
+        stopped_names: the robots that stop orders name: the newest one, and all that came since and are not newer.
+            An operator's may be one of those, and a robot that it stopped may forget it, because its agent restarts.
         refused: number of fixes and odometry messages that were refused since the start, by reason.
         pose_ages: for each accepted fix, the time from capture to the estimate that used it [s]; the health report
             clears it.
@@ -90,13 +92,13 @@ class ControlLoop:
         self.changed = False
         self.fixes = 0
         self.commands = 0
+        self.stopped_names: frozenset[str] = frozenset()
         self.refused: Counter[str] = Counter()
         self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
         self._filter = PoseFilter(_FILTER, robot.wheels)
         self._estimate: PoseEstimate | None = None
-        self._stopped_names: frozenset[str] = frozenset()
         self._behaviour: Behaviour | None = None
         self._on_failure: OnFailure | None = None
         self._intent = hold("no behaviour yet")
@@ -181,11 +183,14 @@ class ControlLoop:
             now: the time.
             order: the order.
         """
-        before = self.latch
-        self.latch = before.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
-        self.changed |= self.latch != before
-        if order.revision == self.latch.revision:
-            self._stopped_names = frozenset(order.names)
+        before = self.latch, self.stopped_names
+        latch, names = before
+        self.latch = latch.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
+        # A newer order is the whole state; any other one stops more robots.
+        self.stopped_names = (
+            names.union(order.names) if self.latch.revision == latch.revision else frozenset(order.names)
+        )
+        self.changed |= (self.latch, self.stopped_names) != before
         out: Outgoing = []
         if not self.latch.may_drive and not self._ended:
             self._command(now, out)
@@ -231,7 +236,7 @@ class ControlLoop:
             State(estimate.x, estimate.y, estimate.theta, estimate.v, estimate.omega),
             self._filter.look_ahead(estimate, now, self._robot.lag),
             *around,
-            self._stopped_names,
+            self.stopped_names,
             not self.reasons,
         )
 

@@ -80,11 +80,9 @@ LEAST: Final = 0.001
 
 Number = Annotated[float, Quantity()]
 Positive = Annotated[float, Quantity(above=0.0)]
-NotNegative = Annotated[float, Quantity(at_least=0.0)]
 Count = Annotated[int, Quantity(at_least=0, whole=True)]
 Coordinate = Annotated[float, Quantity("m")]
 Length = Annotated[float, Quantity("m", at_least=LEAST)]
-Distance = Annotated[float, Quantity("m", at_least=0.0)]
 Angle = Annotated[float, Quantity("rad", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)]
 AngleSize = Annotated[float, Quantity("rad", at_least=LEAST)]
 Speed = Annotated[float, Quantity("m/s", above=0.0)]

@@ -51,6 +51,7 @@ class BehaviourRunner:
         name: name of the running behaviour; empty before the first order.
         outcome: ``failed`` or ``ended`` once it has done so by itself; empty while it runs.
         failure: the reason of the outcome, in one line; empty while it runs.
+        revision: of the newest order that was obeyed: the running behaviour's, or of one that asks for the same again.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class BehaviourRunner:
         self.name = ""
         self.outcome = ""
         self.failure = ""
+        self.revision = 0
         self._vehicle = vehicle
         self._settings = settings
         self._loop = loop
@@ -110,20 +112,20 @@ class BehaviourRunner:
 
     async def _take_orders(self) -> None:
         current: tuple[str, object] = ("", None)
-        revision = -1
         async for received in self._orders:
             order = received.message
             wanted = (order.behaviour, order.parameters)
-            again = bool(self.outcome) and order.revision != revision
+            again = bool(self.outcome) and order.revision != self.revision
             if wanted == current and not again:
+                self.revision = order.revision
                 continue  # the base station repeats the kept state
-            current, revision = wanted, order.revision
+            current = wanted
             self._hold("the behaviour is changing")
             await self._end()
             self._start(order)
 
     def _start(self, order: BehaviourOrder) -> None:
-        self.name, self.outcome, self.failure = order.behaviour, "", ""
+        self.name, self.outcome, self.failure, self.revision = order.behaviour, "", "", order.revision
         log.info("behaviour %s %s", order.behaviour, order.parameters or "")
         try:
             found = table.find(order.behaviour)

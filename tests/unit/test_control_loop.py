@@ -239,8 +239,13 @@ def test_a_behaviour_sees_whether_its_last_command_was_driven() -> None:
     assert [seen.may_drive for seen in behaviour.seen] == [False, False, True]
 
 
-@pytest.mark.parametrize(("revision", "stopped"), [(5, {"r3"}), (6, {"r2"}), (7, {"r2"})])
-def test_the_robots_that_stand_are_those_of_the_newest_order(revision: int, stopped: set[str]) -> None:
+@pytest.mark.parametrize(
+    ("revision", "stopped"),
+    [(0, {"r2", "r3"}), (5, {"r2", "r3"}), (6, {"r2", "r3"}), (7, {"r2"}), (2**53, {"r2", "r3"})],
+)
+def test_the_robots_that_stand_are_those_of_the_newest_order_and_of_all_that_came_since(
+    revision: int, stopped: set[str]
+) -> None:
     loop, _ = converged(Recorder())
     loop.take_stop(T0, StopOrder(all=False, names=("r3",), revision=6))
     loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=revision))
@@ -471,6 +476,17 @@ def test_what_has_changed_stays_so_until_it_is_reported() -> None:
     assert loop.changed
 
 
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_newer_order_is_reported_at_once_even_where_it_stops_nobody(stopped: bool) -> None:
+    """The base station learns of the newer revision, and an operator of the resume, before the next command."""
+    loop = free()
+    if stopped:
+        loop.take_stop(T0, StopOrder(all=True, revision=5))
+    loop.changed = False
+    loop.take_stop(T0 + 0.01, StopOrder(all=False, revision=6))
+    assert loop.changed
+
+
 def test_an_order_that_changes_nothing_is_not_reported() -> None:
     loop = free(Forward())
     loop.changed = False
@@ -543,9 +559,19 @@ def test_why_a_fix_was_not_used_is_counted() -> None:
     assert loop.refused == {"fix gated": 1, "fix bad covariance": 1}
 
 
-def test_the_names_of_an_absurd_order_are_not_remembered() -> None:
+def test_the_names_of_an_absurd_order_are_forgotten_at_the_next_newer_one() -> None:
     loop = free(Forward())
-    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=2**60))
-    loop.update(T0 + 0.1, [], [], NOTHING)
-    assert loop.seen is not None
-    assert loop.seen.stopped == frozenset()
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=2**60))  # r2 obeys it, as any other
+    assert loop.stopped_names == {"r2"}
+    loop.take_stop(T0, StopOrder(all=False, revision=6))
+    assert loop.stopped_names == frozenset()
+
+
+def test_a_change_of_the_stopped_names_is_reported_at_once() -> None:
+    loop = free(Forward())
+    loop.changed = False
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=5))
+    assert loop.changed
+    loop.changed = False
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=5))
+    assert not loop.changed

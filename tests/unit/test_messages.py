@@ -56,6 +56,7 @@ robots = st.builds(
 SPECIAL: dict[str, st.SearchStrategy[Any]] = {
     "name": names,
     "names": st.lists(names, max_size=3).map(tuple),
+    "stop_names": st.lists(names, max_size=3).map(tuple),
     "covariance": covariances,
     "robots": st.lists(robots, max_size=3).map(tuple),
     "parameters": st.dictionaries(st.text(max_size=8), values, max_size=3),
