@@ -47,9 +47,9 @@ class StopLatch:
     no count can have reached since the newest received is treated alike.
 
     Only a revision of the same count that is newer than the newest received lifts a stop. An order from far behind
-    begins another count and lifts nothing: its sender may not have received the stop, and takes it over from the robot's
-    health. At a tie the stop wins, so the base station's repetition of an old state does not lift an operator's stop
-    that it has not received.
+    begins another count and lifts nothing: its sender may not have received the stop, and takes it over from the
+    robot's health. At a tie the stop wins, so the base station's repetition of an old state does not lift an operator's
+    stop that it has not received.
 
     Attributes:
         received: an order was received.
