@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import math
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from agents.control_loop import ControlLoop, Outgoing, Surroundings
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
+from muro_zenoh.channels import Channel
 from muro_zenoh.messages import Circle as CircleMessage
-from muro_zenoh.messages import FleetSnapshot, PoseFix, SpeedReference
+from muro_zenoh.messages import FleetSnapshot, Message, PoseFix, SpeedReference
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
+
+T = TypeVar("T", bound=Message)
 
 TICK: Final = 1.5 * channels.POSE.period
 """When no fix has arrived for this time, the estimate is predicted without one [s]."""
@@ -59,21 +62,23 @@ class Listener:
         self._snapshot: Latest[FleetSnapshot] | None = None
 
     def need(self, needs: frozenset[Need]) -> None:
-        """Subscribe to what a behaviour needs.
+        """Subscribe to what a behaviour needs, and unsubscribe from what it does not.
 
         Args:
             needs: needs of the behaviour that starts.
         """
-        bus = self._bus
-        if Need.CIRCLE in needs and self._circle is None:
-            self._circle = bus.latest(channels.CIRCLE)
-        if Need.SNAPSHOT in needs and self._snapshot is None:
-            self._snapshot = bus.latest(channels.ALL_POSITIONS)
         if self._speed is not None:  # a speed for the previous behaviour is not one for this behaviour
             self._speed.close()
-            self._speed = None
-        if Need.SPEED in needs:
-            self._speed = bus.latest(channels.VELOCITY, self._name)
+        self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
+        self._snapshot = self._needed(Need.SNAPSHOT in needs, self._snapshot, channels.ALL_POSITIONS)
+        self._speed = self._bus.latest(channels.VELOCITY, self._name) if Need.SPEED in needs else None
+
+    def _needed(self, needed: bool, box: Latest[T] | None, channel: Channel[T]) -> Latest[T] | None:
+        if needed:
+            return box if box is not None else self._bus.latest(channel)
+        if box is not None:
+            box.close()
+        return None
 
     def surroundings(self, now: float) -> Surroundings:
         """What has been received until now.

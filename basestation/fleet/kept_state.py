@@ -153,20 +153,28 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             scenario: the settings.
 
         Raises:
-            OrderRefused: the stop has changed since the operator looked, or a robot that the settings do not have.
+            OrderRefused: the stop has changed since the operator looked, or a robot that neither is stopped nor in the
+                settings.
         """
         if order.revision < self.stop_revision and (self.stop_all or self.stop_names):
             raise OrderRefused(
                 f"resume: got revision {order.revision}, expected {self.stop_revision}: "
                 "an order came in between; look again, then resume"
             )
-        _check_names(order.names, scenario)
+        # Any name can be stopped, so any that is can be resumed.
+        _check_names([name for name in order.names if name not in self.stop_names], scenario)
         stopped = {*self.stop_names, *(scenario.robots if self.stop_all else ())}
         new = self._stopping(False, stopped - set(order.names) if order.names else (), order.revision)
         return msgspec.structs.replace(new, lifted_revision=new.stop_revision)
 
     def adopting(self, name: str, health: Health) -> KeptState:
-        """The state with a stop that a robot received straight from an operator, or with a newer revision than this.
+        """The state with the stops that a robot received straight from an operator, or with a newer revision than this.
+
+        The stops of other robots count as well: one of them may have restarted and forgotten its own.
+
+        A newer revision is taken as it is: our next order is then newer than what the robots know. One is added only
+        together with a stop that somebody does not hold yet, so two base stations whose states the robots hear in turn
+        agree after a few of them, instead of overtaking each other for ever.
 
         Args:
             name: of the robot.
@@ -177,18 +185,23 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """
         known = self.stop_revision
         latched = health.stop_revision if self._is_near(health.stop_revision) else known
+        everybody = health.stop_latched and health.stop_all
+        names = {*health.stop_names, *((name,) if health.stop_latched and not everybody else ())}
+        is_new = not self.stop_all and (everybody or not names <= set(self.stop_names))
         # At revision 0 it has received no state since it started, so it cannot have missed a resume either.
-        if health.stop_latched and (latched >= self.lifted_revision or latched == 0):
-            already = self.stop_all or (not health.stop_all and name in self.stop_names)
-            if already and latched <= known:
-                return self
-            return self.with_stop(() if health.stop_all else (name,), everybody=health.stop_all, above=latched)
-        return self.with_stop((), everybody=False, above=latched) if latched > known else self
+        if is_new and (latched >= self.lifted_revision or latched == 0):
+            return self.with_stop(names, everybody=everybody, above=latched)
+        if latched <= known:
+            return self
+        if not health.stop_latched and (self.stop_all or name in self.stop_names):
+            # It has to receive the stop, which is older than what it knows.
+            return self.with_stop((), everybody=False, above=latched)
+        return msgspec.structs.replace(self, stop_revision=latched)
 
     # ---- inside
 
     def _require_feasible(self, scenario: Scenario) -> None:
-        """Refuse behaviours that their robots cannot do together on this circle; a user's own are their own affair."""
+        """Refuse behaviours that their robots cannot do together on this circle; users' own are not checked."""
         groups: list[tuple[KeptBehaviour, list[str]]] = []
         for name in scenario.robots:
             kept = self.behaviour[name]
@@ -199,7 +212,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 names.append(name)
         for kept, names in groups:
             try:
-                check_settings(kept.behaviour, kept.parameters, "order", _fleet(scenario, names), self.circle)
+                check_settings(kept.behaviour, kept.parameters, "", _fleet(scenario, names), self.circle)
             except ConfigError as error:
                 raise OrderRefused(str(error)) from None
 

@@ -17,7 +17,7 @@ LOST_AFTER = 2.0
 
 _DISTANCE = 0.25
 _ANGLE = 0.6
-"""An estimate agrees with the fix when it is no farther from it than this [m], [rad], and what it drove since."""
+"""An estimate agrees with the fix when it is within this of it [m], [rad], plus how far the robot moved since."""
 
 
 @dataclass(frozen=True, slots=True)

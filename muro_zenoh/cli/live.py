@@ -21,13 +21,12 @@ def line_of(view: View) -> str:
         view: the run at one moment.
     """
     ages = [row.pose_age for row in view.rows if row.pose_age is not None]
-    driving = sum(1 for row in view.rows if not row.reasons)
     reasons: dict[str, list[str]] = {}
     for row in view.rows:
-        if row.reasons:
+        if not row.driving:
             reasons.setdefault(row.reasons, []).append(row.name)
     return (
-        f"{view.t:6.1f} s  driving {driving}/{len(view.rows)}  "
+        f"{view.t:6.1f} s  driving {view.driving}/{len(view.rows)}  "
         f"radius error {_number(view.radius_error, '.3f', ' m')}  "
         f"spacing error {_number(view.spacing_error, '.3f', ' rad')}  "
         f"pose age {_number(max(ages, default=None), '.0f', ' ms', 1e3)}  restarts {view.restarts}"

@@ -16,11 +16,13 @@ _MERGED: Final = ("all", "arena", "bus", "simulation")
 """Sections in which a scenario overrides single keys of its fleet file; all others it replaces as a whole."""
 
 
-def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
-    """A settings file, merged into the fleet file that it names.
+def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]:
+    """A settings file, merged into its fleet file.
 
     Args:
         path: the TOML file, or a JSON one by its ending.
+        fleet: the fleet file from the command line, relative to the current folder; None for the one that the file
+            names, relative to itself.
 
     Raises:
         ConfigError: the file, or its fleet file, does not exist, is not readable, has another format than its ending,
@@ -28,45 +30,28 @@ def read_file(path: Path) -> tuple[dict[str, Any], Origin]:
     """
     table = _parse(path)
     origin = Origin(path.name)
-    if "fleet" not in table:
+    named = table.pop("fleet", None)
+    if fleet is not None:
+        origin.note("fleet", "--set ")
+        fleet_path = Path(read_value(str, fleet, origin, "fleet"))
+    elif named is not None:
+        fleet_path = path.parent / read_value(str, named, origin, "fleet")
+    else:
         return table, origin
-    fleet_path = path.parent / read_value(str, table.pop("fleet"), origin, "fleet")
-    fleet = _parse(fleet_path)
+    lab = _parse(fleet_path)
     fleet_origin = Origin(fleet_path.name)
-    if "fleet" in fleet:
-        raise ConfigError(fleet_origin.at("fleet"), got=show(fleet["fleet"]), expected="no key fleet in a fleet file")
-    merged = {**fleet, **table}
-    for key in fleet:
+    if "fleet" in lab:
+        raise ConfigError(fleet_origin.at("fleet"), got=show(lab["fleet"]), expected="no key fleet in a fleet file")
+    merged = {**lab, **table}
+    for key in lab:
         if key not in table:
             origin.note(key, f"{fleet_path.name}: ")
         elif key in _MERGED:
-            ours, theirs = read_table(table[key], origin, key), read_table(fleet[key], fleet_origin, key)
+            ours, theirs = read_table(table[key], origin, key), read_table(lab[key], fleet_origin, key)
             merged[key] = {**theirs, **ours}
             for inner in theirs.keys() - ours.keys():
                 origin.note(f"{key}.{inner}", f"{fleet_path.name}: ")
     return merged, origin
-
-
-def override(table: dict[str, Any], origin: Origin, key: str, value: object) -> None:
-    """Override a value of the file by one from the command line.
-
-    Args:
-        table: the file; changed in place.
-        origin: of its keys; changed in place.
-        key: the full key, such as ``circle.radius``.
-        value: the value.
-
-    Raises:
-        ConfigError: a part of the key is not a table.
-    """
-    *steps, last = key.split(".")
-    for i, step in enumerate(steps):
-        child = table.setdefault(step, {})
-        if not isinstance(child, dict):
-            raise ConfigError(f"--set {key}", got=f"{'.'.join(steps[: i + 1])} = {child!r}", expected="a table there")
-        table = child
-    table[last] = value
-    origin.note(key, "--set ")
 
 
 def _parse(path: Path) -> dict[str, Any]:

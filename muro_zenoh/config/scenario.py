@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import msgspec
 
@@ -12,8 +12,9 @@ from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.feasibility import check_feasible
-from muro_zenoh.config.files import override, read_file
+from muro_zenoh.config.files import read_file
 from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.overrides import apply_overrides, numbered_robots
 from muro_zenoh.config.reading import check_keys, read_section, read_table, read_value
 from muro_zenoh.config.sections import (
     ARENA,
@@ -28,7 +29,10 @@ from muro_zenoh.config.sections import (
 )
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
-from muro_zenoh.quantities import Period, Quantity
+from muro_zenoh.quantities import Period
+
+PROCESSES: Final = ("muro", "router", "simulator", "basestation")
+"""The names of the processes of a run that are not agents. An agent's is its robot's, so no robot has one of these."""
 
 _SECTIONS: Final[dict[str, Any]] = {
     "arena": ARENA,
@@ -57,9 +61,9 @@ def load_scenario(
         ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
     """
     path = Path(path)
-    table, origin = read_file(path)
-    for key, value in (overrides or {}).items():
-        override(table, origin, key, value)
+    given = dict(overrides or {})
+    table, origin = read_file(path, given.pop("fleet", None))
+    apply_overrides(table, origin, given, robots)
     return parse_scenario(table, origin, name=name or path.stem, robots=robots)
 
 
@@ -119,6 +123,16 @@ def _name(name: str, origin: Origin, path: str) -> str:
     return name
 
 
+def _robot_name(name: str, origin: Origin) -> str:
+    if name in PROCESSES:
+        raise ConfigError(
+            origin.at(f"robot.{name}"),
+            got="the name of one of our own processes",
+            expected=f"another name than {', '.join(PROCESSES)}",
+        )
+    return _name(name, origin, f"robot.{name}")
+
+
 def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, RobotSettings]:
     common = dict(_table(table, "all", origin))
     if "tag" in common:
@@ -129,23 +143,15 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
     given = _table(table, "robot", origin)
     if given and "robots" in table:
         raise ConfigError(origin.at("robots"), got="a number besides [robot.*]", expected="only one of the two")
-    if wanted is None and "robots" in table:
-        wanted = read_value(Annotated[int, Quantity(at_least=1, whole=True)], table["robots"], origin, "robots")
-    if given:
-        robots = {
-            _name(key, origin, f"robot.{key}"): read_section(
-                RobotSettings, {**common, **read_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
-            )
-            for key, value in given.items()
-        }
-        if wanted is not None and wanted > len(robots):
-            raise ConfigError(
-                "--robots", got=str(wanted), expected=f"at most {len(robots)}, the robots in {origin.file}"
-            )
-        return dict(list(robots.items())[:wanted])
-    if wanted is not None and wanted < 1:
-        raise ConfigError("--robots", got=str(wanted), expected="1 or more")
-    return {f"r{i + 1}": read_section(RobotSettings, {**common, "tag": i}, origin, "all") for i in range(wanted or 1)}
+    if given and wanted is not None and wanted > len(given):
+        raise ConfigError("--robots", got=str(wanted), expected=f"at most {len(given)}, the robots in {origin.file}")
+    robots = {
+        _robot_name(key, origin): read_section(
+            RobotSettings, {**common, **read_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
+        )
+        for key, value in (given or numbered_robots(table, origin, wanted)).items()
+    }
+    return dict(list(robots.items())[:wanted])
 
 
 def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:

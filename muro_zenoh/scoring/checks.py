@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Final, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Final, NamedTuple, get_args, get_origin, get_type_hints
 
 from muro_zenoh.config.checks import Bound, Check, Checks
 from muro_zenoh.quantities import quantities
-from muro_zenoh.scoring.rows import definitions
+from muro_zenoh.scoring.keys import UNITS, worst
 from muro_zenoh.scoring.sheet import CheckResult, ScoreSheet
 
 _CONVERSIONS: Final = {("ms", "s"): 1e-3}
@@ -29,6 +28,11 @@ class Judged(NamedTuple):
     unit: str
     factor: float
 
+    @property
+    def of_worst_robot(self) -> bool:
+        """Whether its value is that of the worst robot, and not one of the whole fleet."""
+        return "<robot>" in self.check.key
+
     def result(self, sheet: ScoreSheet, limit: float) -> CheckResult:
         """The result of the check.
 
@@ -36,13 +40,12 @@ class Judged(NamedTuple):
             sheet: the score sheet.
             limit: the scenario's limit.
         """
-        at_most = self.check.bound is Bound.AT_MOST
-        values = list(_values(sheet, self.check.key.split(".")))
-        known = [value * self.factor for value in values if value is not None]
-        if not known or len(known) < len(values):  # not known while one robot's is not
+        value = worst(sheet, self.check.key, self.check.bound)
+        if value is None:
             return CheckResult(None, limit, False)
-        worst = max(known) if at_most else min(known)
-        return CheckResult(worst, limit, worst <= limit if at_most else worst >= limit)
+        value *= self.factor
+        met = value <= limit if self.check.bound is Bound.AT_MOST else value >= limit
+        return CheckResult(value, limit, met)
 
 
 def check_run(sheet: ScoreSheet, limits: Checks) -> dict[str, CheckResult]:
@@ -68,31 +71,19 @@ def judged_checks(kind: type[Checks]) -> tuple[Judged, ...]:
     Raises:
         TypeError: a check of a key that the report does not have, or with a limit of another unit.
     """
-    units = {row.key: row.unit for row in definitions(ScoreSheet)}
     found = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
         check = next((note for note in get_args(hint) if isinstance(note, Check)), None)
         if get_origin(hint) is not Annotated or check is None:
             continue
-        if check.key not in units:
+        if check.key not in UNITS:
             raise TypeError(f"check {name}: got {check.key!r}, expected a key of docs/scoresheet.md")
-        ours, theirs = quantities(kind)[name].unit, units[check.key]
+        ours, theirs = quantities(kind)[name].unit, UNITS[check.key]
         factor = 1.0 if ours == theirs else _CONVERSIONS.get((theirs, ours))
         if factor is None:
             raise TypeError(f"check {name}: got a limit in {ours!r}, expected {theirs!r}, as {check.key} has")
         found.append(Judged(name, check, ours, factor))
     return tuple(found)
-
-
-def _values(value: Any, steps: list[str]) -> Iterator[float | None]:
-    """The values of a key such as ``fix_rate_hz.<robot>``; every robot's, where it names robots."""
-    if not steps:
-        yield value
-    elif isinstance(value, Mapping):
-        for inner in value.values():
-            yield from _values(inner, steps[1:])
-    else:
-        yield from _values(getattr(value, steps[0]), steps[1:])
 
 
 CHECKS: Final = judged_checks(Checks)

@@ -14,11 +14,11 @@ from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
-from muro_zenoh.scoring.expectations import expectations_of
+from muro_zenoh.scoring.expectations import expectation_of
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.reports import AgentReports, SimulatorReports, keep_newest
 from muro_zenoh.scoring.sheet import ProcessUse
-from muro_zenoh.transport import Bus, Every
+from muro_zenoh.transport import Bus, Every, Received
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ class Collector:
 
     Attributes:
         expected: what the robots should achieve.
-        health: the newest health of each process.
+        health: the newest health of each process, as it was received.
         latest: the newest sample.
     """
 
@@ -61,7 +61,7 @@ class Collector:
         self._commands = (
             bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
         )
-        self.expected = expectations_of(scenario)
+        self.expected = expectation_of(scenario)
         self._planned: dict[str, list[Planned]] = {name: [] for name in scenario.robots}
         self._command_ratio: float | None = None
         self._agents = AgentReports()
@@ -72,7 +72,7 @@ class Collector:
         self._error_after: dict[str, float | None] = {}
         self._seen: set[str] = set()
         self._failures: dict[str, str] = {}
-        self.health: dict[str, Health] = {}
+        self.health: dict[str, Received[Health]] = {}
         self.latest = Sample(0.0, {}, scenario.circle)
 
     @property
@@ -88,7 +88,7 @@ class Collector:
     def begin(self) -> None:
         """Start scenario time at 0."""
         self._began = self._bus.clock.now()
-        self._agents.begin(self._began, {name: health.epoch for name, health in self.health.items()})
+        self._agents.begin(self._began, {name: health.message.epoch for name, health in self.health.items()})
 
     async def run(self) -> None:
         """Collect until cancelled."""
@@ -104,13 +104,22 @@ class Collector:
     async def collect_health(self) -> None:
         """Receive the health of every process until cancelled."""
         async for received in self._health:
-            self.health[received.name] = received.message
+            self.health[received.name] = received
             if received.message.failure:
                 self._failures.setdefault(received.name, received.message.failure)
             if received.message.role == "simulator":
                 self._simulator.add(received.message)
             if self._began is not None:
                 self._agents.add(received.name, received.message)
+
+    def silence(self, process: str) -> float | None:
+        """The time since the newest health of a process [s]; None before the first.
+
+        Args:
+            process: its name.
+        """
+        health = self.health.get(process)
+        return health.age(self._bus.clock.now()) if health is not None else None
 
     def fix_rate(self, robot: str) -> float | None:
         """Reported accepted fixes per second of scenario time [Hz].
@@ -149,7 +158,7 @@ class Collector:
         """Take one sample of the fleet."""
         bodies = self._bodies(self._bus.clock.now())
         positions = {name: (body.x, body.y) for name, body in bodies.items()}
-        stopped = frozenset(name for name, health in self.health.items() if health.stop_latched)
+        stopped = frozenset(name for name, health in self.health.items() if health.message.stop_latched)
         self.latest = Sample(self.elapsed, positions, self.circle, bodies, stopped)
         snapshot = self._positions.get()
         if snapshot is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 from itertools import pairwise
 
@@ -13,8 +12,9 @@ from muro_zenoh.scoring.density import density_error
 from muro_zenoh.scoring.deployment import Coverage, score_deployment
 from muro_zenoh.scoring.goals import Tracked, score_goals, score_tracking
 from muro_zenoh.scoring.observed import Calibrated, Moment, Observed, Sample
-from muro_zenoh.scoring.sheet import Calibration, CheckResult, ScoreSheet
+from muro_zenoh.scoring.sheet import Calibration, ScoreSheet
 from muro_zenoh.scoring.spread import DelaySpread, ErrorSpread
+from muro_zenoh.scoring.verdict import passed
 
 
 def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
@@ -72,15 +72,8 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
         checks={},
         passed=None,
     )
-    results_of_checks = check_run(sheet, checks)
-    return replace(sheet, checks=results_of_checks, passed=_passed(seen, results_of_checks.values()))
-
-
-def _passed(seen: Observed, checked: Collection[CheckResult]) -> bool | None:
-    """Whether nothing went wrong and something was checked; None when nothing was."""
-    if seen.ended != "duration" or seen.failures or not all(result.passed for result in checked):
-        return False
-    return True if checked else None
+    checked = replace(sheet, checks=check_run(sheet, checks))
+    return replace(checked, passed=passed(checked))
 
 
 def _stopped_time(seen: Observed, name: str) -> float:

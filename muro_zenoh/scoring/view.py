@@ -5,7 +5,9 @@ from __future__ import annotations
 import statistics
 from typing import NamedTuple
 
+from muro_zenoh import channels
 from muro_zenoh.config import Scenario
+from muro_zenoh.messages import Health
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, spacing_error
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Calibrated
@@ -19,8 +21,8 @@ class RobotRow(NamedTuple):
         state: in one word.
         reasons: why it does not drive.
         pose_age: median since the previous health message [s].
-        distance: distance from the circle [m].
-        gap: gap to the next robot in the direction of travel [rad].
+        distance: distance from the circle [m]; None unless it is to follow the circle.
+        gap: gap to the next robot in the direction of travel [rad]; None unless they are to spread evenly.
         command_rate: commands per second [Hz].
         calibrated: its estimated drive calibration.
     """
@@ -34,6 +36,11 @@ class RobotRow(NamedTuple):
     command_rate: float | None
     calibrated: Calibrated
 
+    @property
+    def driving(self) -> bool:
+        """Whether nothing keeps it from driving, as far as its agent reports."""
+        return not self.reasons
+
 
 class View(NamedTuple):
     """A run at one moment.
@@ -42,8 +49,9 @@ class View(NamedTuple):
         t: scenario time [s].
         duration: duration of the run [s].
         rows: one per robot.
-        radius_error: the largest radius error [m]; None while the true position of a robot is unknown.
-        spacing_error: the spacing error [rad]; likewise.
+        radius_error: the largest radius error [m]; None unless the robots are to follow the circle, and while the true
+            position of a robot is unknown.
+        spacing_error: the spacing error [rad]; None unless they are to spread evenly, and likewise.
         restarts: number of process restarts.
     """
 
@@ -53,6 +61,11 @@ class View(NamedTuple):
     radius_error: float | None
     spacing_error: float | None
     restarts: int
+
+    @property
+    def driving(self) -> int:
+        """How many robots drive."""
+        return sum(row.driving for row in self.rows)
 
 
 def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
@@ -64,32 +77,42 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         restarts: number of process restarts.
     """
     sample, expected = collector.latest, collector.expected
-    # Robots without expectations may circle, too: their behaviour is the user's own, or is changed later.
-    circling = not (expected.goals or expected.v_min or expected.deployment)
-    gaps = gaps_ahead(sample.positions, sample.circle)
+    gaps = gaps_ahead(sample.positions, sample.circle) if expected.spreads else {}
     rows = []
     for name in scenario.robots:
-        health = collector.health.get(name)
+        health, silence = _current_health(collector, name)
         ages = health.samples.get("pose_age_s", ()) if health is not None else ()
         position = sample.positions.get(name)
         rows.append(
             RobotRow(
                 name,
                 health.state if health is not None else "-",
-                ", ".join(health.reasons) if health is not None else "no report yet",
+                ", ".join(health.reasons) if health is not None else silence,
                 statistics.median(ages) if ages else None,
-                radius_error(position, sample.circle) if position is not None and circling else None,
-                gaps.get(name) if circling else None,
+                radius_error(position, sample.circle) if position is not None and expected.follows_circle else None,
+                gaps.get(name),
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
             )
         )
-    all_known = circling and len(sample.positions) == len(scenario.robots)
+    all_known = len(sample.positions) == len(scenario.robots)
     return View(
         collector.elapsed,
         scenario.duration,
         rows,
-        max(radius_error(p, sample.circle) for p in sample.positions.values()) if all_known else None,
-        spacing_error(sample.positions, sample.circle) if all_known else None,
+        max(radius_error(p, sample.circle) for p in sample.positions.values())
+        if all_known and expected.follows_circle
+        else None,
+        spacing_error(sample.positions, sample.circle) if all_known and expected.spreads else None,
         restarts,
     )
+
+
+def _current_health(collector: Collector, name: str) -> tuple[Health | None, str]:
+    """What a robot's agent reports, or why that is not known: one that is frozen or blocked does not say so itself."""
+    silent = collector.silence(name)
+    if silent is None:
+        return None, "no report yet"
+    if silent > channels.HEALTH.stale_after:
+        return None, f"no report for {silent:.0f} s"
+    return collector.health[name].message, ""

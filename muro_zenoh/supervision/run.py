@@ -14,6 +14,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.scoring.collector import Collector
+from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
@@ -23,6 +24,7 @@ from muro_zenoh.supervision.folder import REPORT, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
 from muro_zenoh.transport import open_bus
+from muro_zenoh.wording import counted
 
 INTERRUPTED = 130
 """Exit code of a run that was interrupted before its end."""
@@ -94,23 +96,27 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
         screen: where it is shown.
     """
     scenario = settings.scenario
-    screen.notify(f"{scenario.name}: {len(scenario.robots)} robots, seed {settings.seed}; logs in {settings.folder}/")
+    screen.notify(
+        f"{scenario.name}: {counted(len(scenario.robots), 'robot')}, seed {settings.seed}; logs in {settings.folder}/"
+    )
     with screen:
         try:
             async with Supervisor(settings.folder, screen.notify) as supervisor:
-                sheet = await _run(settings, supervisor, screen)
+                seen = await _run(settings, supervisor, screen)
         except SupervisionError as error:
             screen.notify(f"failed: {error}")
             return RunResult(None, interrupted=False)
         except asyncio.CancelledError:
             screen.notify("interrupted before all processes were ready")
             return RunResult(None, interrupted=True)
+    # The processes have ended: no robot drives while hours of a run are scored.
+    sheet = score_run(seen, scenario.checks)
     write_report(sheet, settings.folder / REPORT)
     return RunResult(sheet, interrupted=sheet.ended == "interrupted")
 
 
-async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) -> ScoreSheet:
-    """From the first process to the score sheet; the supervisor stops the processes."""
+async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) -> Observed:
+    """From the first process to the end of the run; the supervisor stops the processes."""
     began = asyncio.get_running_loop().time()
     scenario, starting = await _start(settings, supervisor, screen)
     try:
@@ -155,8 +161,8 @@ async def _watch(
     screen: Screen,
     collector: Collector,
     collecting: asyncio.Task[None],
-) -> ScoreSheet:
-    """From the moment when all are ready to the score sheet."""
+) -> Observed:
+    """From the moment when all are ready to the end of the run."""
     scenario, loop = settings.scenario, asyncio.get_running_loop()
     usage = UsageTable()
 
@@ -193,7 +199,6 @@ async def _watch(
         failing.cancel()
     elapsed = min(loop.time() - begin, scenario.duration)
     usage.note(processes())
-    seen = collector.observed(
+    return collector.observed(
         duration=elapsed, seed=settings.seed, ended=ended, restarts=restarts(), processes=usage.report(elapsed)
     )
-    return score_run(seen, scenario.checks)

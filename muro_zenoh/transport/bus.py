@@ -121,7 +121,7 @@ class Bus:
         Args:
             channel: which.
             name: whose; ``*`` for all names.
-            depth: how many wait at most; beyond, the oldest goes and is counted.
+            depth: how many wait at most; when it is full, the oldest is dropped and counted.
         """
         return self._subscribe(channel, name, Every(self._slot(channel, name), depth))
 
@@ -221,7 +221,7 @@ class Bus:
             raise NoReply(nobody_answered(verb, key, name, timeout))
         return decode(payload, Reply)
 
-    def answer(self, verb: Verb[T], handle: Callable[[T], Reply | Awaitable[Reply]], *, name: str = "") -> None:
+    def answer(self, verb: Verb[T], handle: Callable[[T], Reply | Awaitable[Reply]], *, name: str = "") -> Closable:
         """Take an order: ``handle`` is called on the loop, and what it returns, or what is awaited then, is the answer.
 
         Args:
@@ -230,6 +230,9 @@ class Bus:
                 :class:`~muro_zenoh.errors.MuroError` that is raised refuses the order with the error's text; any other
                 is logged as well, for it is a bug.
             name: whose orders, where the order has names.
+
+        Returns:
+            Takes no more orders once it is closed; those being answered are finished.
 
         Raises:
             ConfigError: no role of this process answers the order; or the name is invalid, missing or superfluous.
@@ -240,7 +243,9 @@ class Bus:
         word = verb.word if verb.named else f"{verb.answered_by}/{verb.word}"
         orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word])
         self._orders.append(orders)
-        self._open[self._link.answer(key, orders.file)] = None
+        declared = self._link.answer(key, orders.file)
+        self._open[declared] = None
+        return declared
 
     def _send_reply(self, question: Question, reply: Reply) -> None:
         question.reply(encode(self._stamped(reply)), encoding_of(Reply))

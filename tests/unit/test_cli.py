@@ -18,10 +18,11 @@ import muro_zenoh
 from muro_zenoh.cli.main import main
 from muro_zenoh.cli.options import assignments, override_bus, toml_value
 from muro_zenoh.cli.payloads import full_key, shown, type_of
-from muro_zenoh.config import BusSettings, built_in_scenarios, find_scenario, load_scenario
+from muro_zenoh.config import PROCESSES, BusSettings, built_in_scenarios, find_scenario, load_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.supervision.folder import make_run_folder, write_scenario
 from muro_zenoh.supervision.launch import fleet_specs, free_port, router_spec
+from muro_zenoh.transport.router import router_settings
 
 
 def commands(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -122,8 +123,8 @@ def test_a_wrong_key_in_a_file() -> None:
     ("given", "said"),
     [
         ("circle.radus=1", "circle.radus: got an unknown key, expected one of x, y, radius, clockwise"),
-        ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number above 0 [m]"),
-        ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number above 0 [m]"),
+        ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number at least 0.001 [m]"),
+        ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number at least 0.001 [m]"),
         ("circle.radius", "--set: got 'circle.radius', expected KEY=VALUE, such as circle.radius=0.9"),
         ("=3", "--set: got '=3', expected KEY=VALUE"),
         ("circle..x=3", "--set: got 'circle..x=3', expected KEY=VALUE"),
@@ -210,6 +211,25 @@ def test_flags_override_the_file_s_bus() -> None:
     assert (overridden.realm, overridden.mode, overridden.connect) == ("lab", "peer", ("tcp/10.0.0.2:1", "udp/h:2"))
 
 
+@pytest.mark.parametrize(
+    ("fleet", "flags", "listen"),
+    [
+        (None, {}, ("tcp/127.0.0.1:7447",)),
+        (None, {"listen": ("tcp/0.0.0.0:1",)}, ("tcp/0.0.0.0:1",)),
+        (None, {"config": "router.json5"}, ()),
+        (None, {"config": "router.json5", "listen": ("tcp/127.0.0.1:7447",)}, ("tcp/127.0.0.1:7447",)),
+        (BusSettings(connect=("tcp/lab:2",)), {}, ("tcp/lab:2",)),
+        (BusSettings(connect=("tcp/lab:2",)), {"config": "router.json5"}, ("tcp/lab:2",)),
+        (BusSettings(connect=("tcp/lab:2",), listen=("tcp/0.0.0.0:3",)), {}, ("tcp/0.0.0.0:3",)),
+        (BusSettings(listen=("tcp/0.0.0.0:3",)), {"listen": ("tcp/0.0.0.0:1",)}, ("tcp/0.0.0.0:1",)),
+    ],
+)
+def test_where_a_router_listens(fleet: BusSettings | None, flags: dict[str, object], listen: tuple[str, ...]) -> None:
+    settings = router_settings(fleet, lambda base: override_bus(base, flags))
+    assert (settings.mode, settings.listen, settings.connect) == ("router", listen, ())
+    assert router_settings(fleet, lambda base: override_bus(base, {"connect": ("tcp/up:4",)})).connect == ("tcp/up:4",)
+
+
 # ---- what a run is made of
 
 
@@ -226,6 +246,7 @@ def test_every_process_of_a_run_is_started_by_a_command_that_parses(tmp_path: Pa
     file = write_scenario(scenario, tmp_path)
     specs = [router_spec(file), *fleet_specs(scenario, file, 7, tmp_path)]
     assert [spec.name for spec in specs] == ["router", "simulator", "basestation", "r1", "r2"]
+    assert {"muro", *(spec.name for spec in specs)} == {*PROCESSES, "r1", "r2"}, "a robot could have its name"
     context = click.Context(main, info_name="muro")
     for spec in specs:
         python, flags, (word, *words) = spec.command[0], spec.command[1:4], spec.command[4:]

@@ -271,6 +271,39 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     assert view.restarts == 3
 
 
+async def test_a_robot_whose_agent_no_longer_reports_does_not_count_as_driving(lab: Lab) -> None:
+    lab.collector.begin()
+    for name in ("r1", "r2"):
+        await lab.health(name, numbers={"command_rate_hz": 31.0}, samples={"pose_age_s": (0.05,)})
+    lab.clock.advance(channels.HEALTH.stale_after)
+    assert view_of(lab.collector, SCENARIO, 0).driving == 2
+    lab.clock.advance(1.0)
+    await lab.health("r1")
+    view = view_of(lab.collector, SCENARIO, 0)
+    assert view.driving == 1
+    frozen = view.rows[1]
+    assert (frozen.driving, frozen.state, frozen.reasons) == (False, "-", "no report for 4 s")
+    assert (frozen.pose_age, frozen.command_rate) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "circles", "spreads"),
+    [("pursuit", True, True), ("circle", True, False), ("importance", True, False), ("hold", False, False)],
+)
+async def test_the_table_has_only_what_the_behaviour_is_to_achieve(scenario: str, circles: bool, spreads: bool) -> None:
+    network, settings = MemoryNetwork(), find_scenario(scenario, 2)
+    async with make_bus(network.link(), "muro", clock=ManualClock()) as bus:
+        collector = Collector(bus, settings)
+        for name in settings.robots:
+            bus.publisher(channels.TRUTH, name).put(Truth(x=0.8, y=0.0, theta=0.0, v=0.0, omega=0.0))
+        await asyncio.sleep(0)
+        collector.take_sample()
+        view = view_of(collector, settings, 0)
+    assert (view.radius_error is not None, view.spacing_error is not None) == (circles, spreads)
+    assert {row.distance is not None for row in view.rows} == {circles}
+    assert {row.gap is not None for row in view.rows} == {spreads}
+
+
 async def test_an_invalid_path_does_not_end_the_collector(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
     collecting = asyncio.create_task(lab.collector._collect_paths())
     await lab.settle()
@@ -303,3 +336,22 @@ async def test_measurements_do_not_fill_the_memory(lab: Lab, monkeypatch: pytest
     agents = lab.collector._agents
     assert 100 <= len(agents.pose_age) < 200
     assert 100 <= len(agents.pose_to_command) < 200
+
+
+async def test_samples_and_paths_do_not_fill_the_memory(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("muro_zenoh.scoring.collector._MAX_SAMPLES", 10)
+    monkeypatch.setattr("muro_zenoh.scoring.collector._MAX_PATHS", 10)
+    collecting = asyncio.create_task(lab.collector._collect_paths())
+    await lab.settle()
+    lab.collector.begin()
+    publisher = lab.bus("r1").publisher(channels.PATH, "r1")
+    for k in range(35):
+        lab.collector.take_sample()
+        publisher.put(PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((1.0 + k, 0.0),)))
+        await lab.settle()
+    assert 10 <= len(lab.collector.samples) < 20
+    planned = lab.collector._planned["r1"]
+    assert 10 <= len(planned) < 20
+    assert planned[-1].path.length == 35.0
+    collecting.cancel()
+    await asyncio.wait({collecting})

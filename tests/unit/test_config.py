@@ -101,6 +101,58 @@ def test_the_command_line_overrides_the_file(tmp_path: Path) -> None:
     assert (lab.circle.radius, lab.behaviour.name, lab.duration) == (0.7, "circle", 5.0)
 
 
+def test_the_command_line_names_another_fleet_file(tmp_path: Path) -> None:
+    lab = write(tmp_path, "lab.toml", "[robot.anna]\ntag = 7\n[circle]\nradius = 0.5\n")
+    for text in ("duration = 5\n", 'fleet = "gone.toml"\nduration = 5\n'):
+        run = load_scenario(write(tmp_path, "run.toml", text), overrides={"fleet": str(lab)})
+        assert (run.robots, run.circle.radius, run.duration) == (("anna",), 0.5, 5.0)
+    with pytest.raises(ConfigError, match=r"nofile\.toml: got no such file"):
+        load_scenario(ROOT / "muro_zenoh/scenarios/pursuit.toml", overrides={"fleet": "nofile.toml"})
+    with pytest.raises(ConfigError, match=r"^--set fleet: got 3 \(integer\), expected text"):
+        load_scenario(tmp_path / "run.toml", overrides={"fleet": 3})
+
+
+@pytest.mark.parametrize("path", BUILT_IN, ids=lambda path: path.stem)
+def test_a_robot_of_any_scenario_can_be_overridden(path: Path) -> None:
+    plain, changed = load_scenario(path), load_scenario(path, overrides={"robot.r1.v_max": 0.45})
+    assert changed.robot["r1"].v_max == 0.45
+    assert changed.robots == plain.robots
+    assert [r.tag for r in changed.robot.values()] == [r.tag for r in plain.robot.values()]
+
+
+@pytest.mark.parametrize(
+    ("text", "robots", "overrides", "names"),
+    [
+        ("robots = 2", None, {}, "r1, r2"),
+        ("robots = 2", 3, {}, "r1, r2, r3"),
+        ("robots = 2", None, {"robots": 4}, "r1, r2, r3, r4"),
+        ("", None, {}, "r1"),
+        ("[robot.anna]\ntag = 1\n[robot.ben]\ntag = 2", None, {}, "anna, ben"),
+        ("[robot.anna]\ntag = 1\n[robot.ben]\ntag = 2", 1, {}, "anna"),
+    ],
+)
+def test_a_robot_that_is_not_there_cannot_be_overridden(
+    text: str, robots: int | None, overrides: dict[str, object], names: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path, "run.toml", text)
+    last = names.split(", ")[-1]
+    there = load_scenario(path, robots=robots, overrides={f"robot.{last}.v_max": 0.3, **overrides})
+    assert (", ".join(there.robots), there.robot[last].v_max) == (names, 0.3)
+    with pytest.raises(ConfigError, match=rf"^--set robot\.r9\.v_max: got robot r9, expected one of {names}$"):
+        load_scenario(path, robots=robots, overrides={"robot.r9.v_max": 0.3, **overrides})
+
+
+def test_another_behaviour_does_not_take_the_parameters_of_the_file_s(tmp_path: Path) -> None:
+    path = write(tmp_path, "run.toml", '[behaviour]\nname = "pursuit"\ncruise = 0.15\n')
+
+    def behaviour(**overrides: object) -> BehaviourSettings:
+        return load_scenario(path, overrides={f"behaviour.{key}": v for key, v in overrides.items()}).behaviour
+
+    assert behaviour(name="hold") == BehaviourSettings(name="hold")
+    assert behaviour(speed=0.1, name="circle") == BehaviourSettings(name="circle", parameters={"speed": 0.1})
+    assert behaviour(name="pursuit").parameters == {"cruise": 0.15}
+
+
 @settings(max_examples=50)
 @given(
     radius=st.floats(0.05, 0.4),
@@ -127,12 +179,18 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         "lab.toml: circle.raduis: got an unknown key, expected one of x, y",
     ),
     ({"circle": {"raduis": 1.0}}, "Did you mean radius?"),
-    ({"circle": {"radius": "0.8 m"}}, "lab.toml: circle.radius: got '0.8 m' (text), expected a number above 0 [m]"),
-    ({"circle": {"radius": -1}}, "lab.toml: circle.radius: got -1 (integer), expected a number above 0 [m]"),
-    ({"circle": {"radius": True}}, "lab.toml: circle.radius: got True (boolean), expected a number above 0 [m]"),
+    (
+        {"circle": {"radius": "0.8 m"}},
+        "lab.toml: circle.radius: got '0.8 m' (text), expected a number at least 0.001 [m]",
+    ),
+    ({"circle": {"radius": -1}}, "lab.toml: circle.radius: got -1 (integer), expected a number at least 0.001 [m]"),
+    ({"circle": {"radius": True}}, "lab.toml: circle.radius: got True (boolean), expected a number at least 0.001 [m]"),
     ({"circle": {"clockwise": "no"}}, "lab.toml: circle.clockwise: got 'no' (text), expected true or false"),
     ({"circle": {"x": float("nan")}}, "lab.toml: circle.x: got nan"),
-    ({"circle": {"radius": float("inf")}}, "lab.toml: circle.radius: got inf (number), expected a number above 0 [m]"),
+    (
+        {"circle": {"radius": float("inf")}},
+        "lab.toml: circle.radius: got inf (number), expected a number at least 0.001 [m]",
+    ),
     ({"circle": 3}, "lab.toml: circle: got 3 (integer), expected a table [circle]"),
     ({"arena": {"x_min": [1]}}, "lab.toml: arena.x_min: got [1] (array), expected a number"),
     ({"robot": {"r1": {"tag": 1.5}}}, "lab.toml: robot.r1.tag: got 1.5 (number), expected a whole number at least 0"),
@@ -144,9 +202,16 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     ({"robot": {"r1": {"base": "../kobuki"}}}, "lab.toml: robot.r1.base: got '../kobuki' (text), expected text like"),
     ({"robot": {"R1": {"tag": 1}}}, "lab.toml: robot.R1: got 'R1' (text), expected text like"),
+    *(
+        (
+            {"robot": {"r1": {"tag": 1}, name: {"tag": 2}}},
+            f"lab.toml: robot.{name}: got the name of one of our own processes, expected another name than muro,",
+        )
+        for name in ("muro", "router", "simulator", "basestation")
+    ),
     ({"robot": {"r1": 4}}, "lab.toml: robot.r1: got 4 (integer), expected a table [robot.r1]"),
     ({"robot": [1]}, "lab.toml: robot: got [1] (array), expected a table [robot]"),
-    ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number above 0 [m]"),
+    ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number at least 0.001 [m]"),
     ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag in [all]"),
     ({"robots": 0}, "lab.toml: robots: got 0 (integer), expected a whole number at least 1"),
     ({"robots": 2, "robot": {"r1": {}}}, "lab.toml: robots: got a number besides [robot.*]"),
@@ -227,8 +292,8 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
-        "lab.toml: goals.r1[1]: got (5, 0), expected a position inside the arena, at least 0.177 m (the robot's "
-        "radius) from its border",
+        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.923 to 1.923, "
+        "y -1.323 to 1.323 m, 0.177 m inside the border",
     ),
 }
 

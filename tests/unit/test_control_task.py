@@ -16,7 +16,7 @@ from agents.tasks.control import Listener, Sender, Signals, control
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.channels import Channel
-from muro_zenoh.messages import Circle, Odometry, PoseFix, SpeedReference, VelocityCommand
+from muro_zenoh.messages import Circle, FleetSnapshot, Odometry, PoseFix, SpeedReference, VelocityCommand
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, MemoryNetwork, Publisher, make_bus
 from tests.support.clock import ManualClock
@@ -215,14 +215,24 @@ async def test_the_circle_is_shown_however_old_it_is_and_over_a_change_of_behavi
         assert listener.surroundings(clock.now()).circle is None
         other.publisher(channels.CIRCLE).put(Circle(x=0.1, y=0.2, radius=0.7, clockwise=True))
         clock.advance(1e4)
-        for needs in (frozenset({Need.CIRCLE}), frozenset({Need.SPEED})):
+        for needs in (frozenset({Need.CIRCLE, Need.SNAPSHOT}), frozenset({Need.CIRCLE}), frozenset({Need.SPEED})):
             circle = listener.surroundings(clock.now()).circle
             assert circle is not None
             assert (circle.x, circle.y, circle.radius, circle.clockwise) == (0.1, 0.2, 0.7, True)
             mailbox = listener._circle
             listener.need(needs)
-            assert listener._circle is mailbox
-        assert listener._snapshot is None
+            assert (listener._circle is mailbox) == (Need.CIRCLE in needs)
+        assert listener.surroundings(clock.now()) == Surroundings()
+
+
+async def test_what_the_next_behaviour_does_not_need_is_not_received() -> None:
+    async with listening() as (listener, other, _):
+        listener.need(frozenset({Need.CIRCLE, Need.SNAPSHOT}))
+        listener.need(frozenset())
+        before = {word: counter.received for word, counter in listener._bus.counters.items()}
+        other.publisher(channels.CIRCLE).put(Circle(x=0.1, y=0.2, radius=0.7))
+        other.publisher(channels.ALL_POSITIONS).put(FleetSnapshot(robots=()))
+        assert {word: counter.received for word, counter in listener._bus.counters.items()} == before
 
 
 @pytest.mark.parametrize(("age", "fresh"), [(0.25, True), (0.5, True), (0.51, False), (60.0, False)])
@@ -246,5 +256,9 @@ async def test_a_speed_for_the_behaviour_before_is_not_one_for_the_next() -> Non
         assert listener.surroundings(clock.now()).speed is None
         out.put(SpeedReference(speed=0.3))
         assert listener.surroundings(clock.now()).speed == 0.3
+        closed = listener._speed
         listener.need(frozenset())
+        out.put(SpeedReference(speed=0.4))
         assert listener.surroundings(clock.now()).speed is None
+        assert closed is not None
+        assert closed._closed

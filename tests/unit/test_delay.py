@@ -202,6 +202,32 @@ def test_a_fifth_writer_displaces_the_one_heard_least_recently_where_all_are_wel
     assert tracker.observe(1, 56.0, 65.0) == 0.0  # it is not
 
 
+def learned_from(tracker: DelayTracker, arrival: float) -> float:
+    """By how much a stamp 0.3 s ahead makes the next message late: 0 where the measure is confirmed already."""
+    tracker.observe(1, arrival + 0.3, arrival)
+    return tracker.observe(1, arrival + 0.02, arrival + 0.02)
+
+
+@pytest.mark.parametrize(("jitter", "confirmed_by_then"), [(0.0, True), (0.09, True), (0.11, False)])
+def test_a_measure_is_confirmed_by_five_spans_that_agree_within_a_tenth_of_a_second(
+    jitter: float, confirmed_by_then: bool
+) -> None:
+    tracker = DelayTracker()
+    for i in range(10):
+        tracker.observe(1, 0.05 * i - jitter * (i % 2), 0.05 * i)
+    assert learned_from(tracker, 0.5) == pytest.approx(0.0 if confirmed_by_then else 0.3)
+
+
+@pytest.mark.parametrize(
+    ("period", "messages", "confirmed_by_then"), [(0.045, 6, True), (0.035, 6, False), (0.035, 11, True)]
+)
+def test_messages_less_than_40_ms_apart_share_a_span(period: float, messages: int, confirmed_by_then: bool) -> None:
+    tracker = DelayTracker()
+    for i in range(messages):
+        tracker.observe(1, period * i, period * i)
+    assert learned_from(tracker, period * messages) == pytest.approx(0.0 if confirmed_by_then else 0.3)
+
+
 # ---- a message that came
 
 

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace as replace_fields
 
+from muro_zenoh.behaviours.interface import Deployment, Expectation
 from muro_zenoh.cli.summary import summary
 from muro_zenoh.config import Checks
 from muro_zenoh.config.checks import at_least, at_most
@@ -28,14 +29,13 @@ from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
 from muro_zenoh.scoring.checks import CHECKS, Judged, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
-from muro_zenoh.scoring.deployment import Deployment
-from muro_zenoh.scoring.expectations import Expectations
 from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import CheckResult, ProcessUse, ScoreSheet
 from muro_zenoh.scoring.spread import percentile
 from muro_zenoh.supervision.run import RunResult
+from muro_zenoh.wording import counted
 
 PAGE = Path(__file__).parents[2] / "docs" / "scoresheet.md"
 CIRCLE = Circle(1.0, -0.5, 0.8)
@@ -155,7 +155,7 @@ RESTING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
 PATHS = {f"r{k + 1}": (Planned(0.0, PlannedPath(Pose2(k, 0.49, 0.0), (Segment(5.0, 0.0),))),) for k in range(3)}
 
 
-EXPECTED = Expectations(
+EXPECTED = Expectation(
     follows_circle=True,
     spreads=True,
     importance=Importance.from_function(lambda angle: 1.0),
@@ -363,6 +363,19 @@ def test_a_robot_whose_truth_is_not_known_is_not_settled(spreads: bool) -> None:
     assert sheet["truth_known"] == pytest.approx((2 * 300 + 3 * 301) / (3 * 601), abs=1e-4)
 
 
+@pytest.mark.parametrize(("unknown_from", "spacing"), [(50.0, 0.02), (44.0, None)])
+def test_a_moment_at_which_a_robots_truth_is_not_known_has_no_spacing(
+    unknown_from: float, spacing: float | None
+) -> None:
+    """The two that are known are a third of the circle apart: no even ring, of two or of three."""
+    samples = [
+        s._replace(positions={name: place for name, place in s.positions.items() if name != "r2" or s.t < unknown_from})
+        for s in observed().samples
+    ]
+    found = report(observed(samples=samples), Checks())["spacing_error_rad"]["max"]
+    assert found == (pytest.approx(spacing) if spacing is not None else None)
+
+
 def test_robots_on_the_circle_that_need_not_spread() -> None:
     samples = [Sample(k / 10, ring(0.0, 0.1, 0.2), CIRCLE) for k in range(601)]
     sheet = report(observed({"spreads": False}, samples=samples), Checks(settle_time=40.0))
@@ -446,7 +459,8 @@ def test_the_summary_of_a_quiet_run_says_nothing_of_stops_and_failures() -> None
 @pytest.mark.parametrize(
     ("changes", "checks", "line"),
     [
-        ({}, Checks(), "nothing was checked: the scenario has no [checks]"),
+        ({}, Checks(), "nothing was checked: the scenario sets no limit in [checks]"),
+        ({}, Checks(window=5.0), "nothing was checked: the scenario sets no limit in [checks]"),
         ({"ended": "failed"}, ALL_CHECKS, "NOT PASSED (failed)"),
         ({"ended": "interrupted"}, Checks(), "NOT PASSED (interrupted; nothing was checked)"),
         ({"collisions": 2, "command_ratio": 1.1}, ALL_CHECKS, "NOT PASSED (collisions, command_ratio not met)"),
@@ -468,6 +482,37 @@ def test_the_summary_says_what_kept_robots_from_driving() -> None:
     assert "stop order r1 for 12.4 s" in lines
     assert "never seen r2 r3 (by any camera)" in lines
     assert "r2: behaviour lab:swim: out of water" in lines
+
+
+def lines_of(seen: Observed, checks: Checks = ALL_CHECKS) -> list[str]:
+    """The summary's lines, with single spaces."""
+    return [" ".join(line.split()) for line in summary(score_run(seen, checks)).splitlines()]
+
+
+def test_the_summary_says_which_number_is_of_all_robots_and_which_of_the_worst() -> None:
+    lines = lines_of(observed())
+    assert "radius error p50 0.01 m p95 0.01 m max 0.01 m (all robots)" in lines
+    assert "check radius_error_p95 (worst robot): 0.01 m, limit at most 0.03 m: met" in lines
+    assert "check spacing_error_p95: 0.02 rad, limit at most 0.1 rad: met" in lines
+    assert any(line.startswith("check fix_rate (worst robot): 19.5 Hz, limit at least") for line in lines)
+    assert "fix rate at least 19.5 Hz" in lines
+
+
+def test_the_summary_of_the_fleet_is_in_the_units_of_the_rows() -> None:
+    lines = lines_of(observed(calibration={name: Calibrated(1.05, 0.9, 0.98, 1.1) for name in ("r1", "r2", "r3")}))
+    assert lines[0].startswith("pursuit: 3 robots, 60 s, seed ")
+    assert "calibration error at most 0.029" in lines
+    assert "calibration error at most -" in lines_of(observed()), "that of r2 is not known"
+    uses = {"muro": ProcessUse(1.25, 50.0), "r1": ProcessUse(2.5, None), "r2": ProcessUse(None, None)}
+    assert "processor 3.75 % of one core, all processes" in lines_of(observed(processes=uses))
+    assert "processor - of one core, all processes" in lines_of(observed(processes={}))
+
+
+def test_one_of_a_thing_is_in_the_singular() -> None:
+    (separation,) = [line for line in lines_of(observed(collisions=1)) if line.startswith("min separation")]
+    assert separation.endswith(", 1 collision")
+    assert summary(replace(score_run(observed(), Checks()), robots=1)).startswith("pursuit: 1 robot, 60 s")
+    assert [counted(n, "round") for n in (0, 1, 2)] == ["0 rounds", "1 round", "2 rounds"]
 
 
 # ---- rows
