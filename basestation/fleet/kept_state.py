@@ -15,7 +15,7 @@ from muro_zenoh.config import Scenario, check_settings
 from muro_zenoh.errors import ConfigError, OrderRefused, ParameterError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Name, Resume, SetBehaviour, SetCircle, Value
-from muro_zenoh.safety.stop import MAX_REVISION, MAX_REVISION_GAP
+from muro_zenoh.safety.stop import MAX_REVISION, may_be_of_count
 
 
 class KeptBehaviour(Struct, frozen=True, forbid_unknown_fields=True):
@@ -231,7 +231,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def _is_near(self, revision: int) -> bool:
         """Whether somebody else's revision may be of this count; the robots take any of ours for newer than one that is
         far ahead of it."""
-        return revision < max(self.revision, self.stop_revision) + MAX_REVISION_GAP
+        return may_be_of_count(revision, max(self.revision, self.stop_revision))
 
 
 def _fleet(scenario: Scenario, names: Iterable[str]) -> list[Vehicle]:

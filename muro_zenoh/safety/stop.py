@@ -15,6 +15,16 @@ MAX_REVISION_GAP: Final = 2**20
 """Revisions further apart than this belong to different counts: no robot misses a million orders."""
 
 
+def may_be_of_count(revision: int, newest: int) -> bool:
+    """Whether a revision can have been reached by the count whose newest revision is known.
+
+    Args:
+        revision: the one in question.
+        newest: the count's.
+    """
+    return revision < newest + MAX_REVISION_GAP
+
+
 def is_newer(revision: int, than: int) -> bool:
     """Whether an order is newer than another one.
 
@@ -25,7 +35,7 @@ def is_newer(revision: int, than: int) -> bool:
         revision: the order's revision.
         than: the other's revision.
     """
-    return revision > than or revision <= than - MAX_REVISION_GAP
+    return revision > than or not may_be_of_count(than, revision)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +44,12 @@ class StopLatch:
 
     A stop is accepted from any sender, at any revision. An order of revision 0 comes from an operator who has not
     received the state either: it stops the robots that it names and has no effect on the others. One of a revision that
-    no count can have reached since the newest received is treated alike. Only a newer revision
-    than the newest received lifts a stop. At a tie the stop wins, so the base station's repetition of an old state does
-    not lift an operator's stop that it has not received.
+    no count can have reached since the newest received is treated alike.
+
+    Only a revision of the same count that is newer than the newest received lifts a stop. An order from far behind
+    begins another count and lifts nothing: its sender may not have received the stop, and takes it over from the
+    robot's health. At a tie the stop wins, so the base station's repetition of an old state does not lift an operator's
+    stop that it has not received.
 
     Attributes:
         received: an order was received.
@@ -59,14 +72,14 @@ class StopLatch:
             names: the robots that it stops.
             revision: the order's revision.
         """
-        if revision > MAX_REVISION or (self.received and revision >= self.revision + MAX_REVISION_GAP):
+        if revision > MAX_REVISION or (self.received and not may_be_of_count(revision, self.revision)):
             revision = 0
         newer = revision > 0 and is_newer(revision, self.revision)
         newest = revision if newer else max(self.revision, 0)
         if all_robots or me in names:
             # A newer order is the whole state: one that names some robots replaces an order to all.
             return StopLatch(True, True, all_robots or (self.all_robots and not newer), newest)
-        if newer:
+        if newer and (revision > self.revision or not self.stopped):
             return StopLatch(True, False, False, newest)
         return StopLatch(self.received, self.stopped, self.all_robots, newest)
 

@@ -33,6 +33,10 @@ _SILENT = 60.0
 """... nor keep others out for good: a key that has been silent for longer than this gives way to a new one [s]. While
 there is room, silence makes a mailbox forget nobody: the backlog that ends a long freeze would count as fresh."""
 
+_MAX_STRANGERS = 32
+"""Keys whose bad messages are logged before they have sent a good one: a writer of ever new keys must fill neither the
+memory nor the log."""
+
 Filed = tuple[bytes, str | None, float]
 """Payload, encoding, arrival."""
 
@@ -80,7 +84,7 @@ class Inbox(Declared, Generic[T]):
         self._awake = False
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
-        self._episode = False
+        self._episodes: set[str] = set()  # keys whose last message was bad, and logged
 
     # ---- from any thread
 
@@ -179,7 +183,7 @@ class Inbox(Declared, Generic[T]):
         """The next unread message, or None."""
 
     def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
-        """The message in a sample, or None when it is none: counted, and logged once per episode."""
+        """The message in a sample, or None when it is none: counted, and logged once per episode of its key."""
         tracker = self._delays.get(key)
         counters = self._counters
         try:
@@ -199,11 +203,11 @@ class Inbox(Declared, Generic[T]):
                 delay = 0.0
         except MessageError as error:
             counters.rejected += 1
-            if not self._episode:
-                self._episode = True
+            if key not in self._episodes and (tracker is not None or len(self._episodes) < _MAX_STRANGERS):
+                self._episodes.add(key)
                 log.warning("%s: dropped a message: %s (logged once until a good one comes)", key, error)
             return None
-        self._episode = False
+        self._episodes.discard(key)
         if delay > self._stale_after:
             counters.late += 1
         counters.delay = delay
@@ -221,6 +225,7 @@ class Inbox(Declared, Generic[T]):
             return
         for key in [key for key, tracker in self._delays.items() if now - tracker.heard > _SILENT]:
             del self._delays[key]
+            self._episodes.discard(key)
             self._forget(key[self._prefix :])
         if len(self._delays) >= _MAX_KEYS:
             raise MessageError(f"got a {_MAX_KEYS + 1}th writer's key, expected at most {_MAX_KEYS}")

@@ -371,6 +371,43 @@ async def test_garbage_is_logged_once_until_a_good_message_comes(caplog: pytest.
     assert "muro/velocity/r1: dropped a message: " in caplog.text
 
 
+async def test_a_good_message_of_another_key_does_not_end_the_episode(caplog: pytest.LogCaptureFixture) -> None:
+    box = Box(Every)
+    for _ in range(200):
+        for name in ("r1", "r3"):
+            box.garble(name)
+        box.file("r2", 0.1)
+        box.inbox.drain()
+    assert [record.getMessage()[:17] for record in caplog.records] == ["muro/velocity/r1:", "muro/velocity/r3:"]
+    assert box.counts() == (600, 0, 400)
+
+
+async def test_garbage_on_ever_new_keys_fills_neither_the_log_nor_the_memory(caplog: pytest.LogCaptureFixture) -> None:
+    box = Box(Every)
+    box.file("r1", 0.1)
+    for k in range(2000):
+        box.garble(f"x{k}")
+        box.inbox.drain()
+    assert len(caplog.records) == len(box.inbox._episodes) == 32
+    box.garble("r1")  # a known key's is logged all the same
+    box.inbox.drain()
+    assert "muro/velocity/r1: dropped a message: " in caplog.text
+
+
+async def test_the_episode_of_a_key_that_gave_way_is_forgotten(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(inbox, "_MAX_KEYS", 2)
+    box = Box(Every)
+    for k in range(100):
+        box.file(f"x{k}", 0.1)
+        box.inbox.drain()
+        box.garble(f"x{k}")
+        box.inbox.drain()
+        box.clock.advance(61.0)
+    assert len(box.inbox._episodes) <= 2
+
+
 # ---- waiting
 
 

@@ -157,10 +157,23 @@ def test_repetition_changes_nothing(said: list[tuple[int, bool, list[str]]]) -> 
         assert latch.receive("r1", all_robots=all_robots, names=names, revision=revision) == latch
 
 
-@pytest.mark.parametrize(("behind", "lifts"), [(0, False), (1, False), (2**20 - 1, False), (2**20, True)])
-def test_an_order_a_million_behind_belongs_to_a_newer_count_and_lifts(behind: int, lifts: bool) -> None:
-    stopped = receive(StopLatch(), 2**20 + 9, all_robots=True)
-    assert receive(stopped, 2**20 + 9 - behind).may_drive == lifts
+@pytest.mark.parametrize(("behind", "newer"), [(0, False), (1, False), (2**20 - 1, False), (2**20, True)])
+@pytest.mark.parametrize("all_robots", [True, False])
+def test_an_order_a_million_behind_begins_another_count_and_lifts_nothing(
+    behind: int, newer: bool, all_robots: bool
+) -> None:
+    # A base station that has lost its file counts from 1 and does not know this stop.
+    stopped = receive(StopLatch(), 2**20 + 9, "r1", all_robots=all_robots)
+    after = receive(stopped, 2**20 + 9 - behind)
+    assert (after.stopped, after.all_robots) == (True, all_robots)
+    assert after.revision == (9 if newer else 2**20 + 9)
+    assert receive(after, 10).may_drive == newer  # its next order, once it has taken over the stop
+
+
+def test_an_order_a_million_behind_replaces_the_count_of_a_robot_that_drives() -> None:
+    free = receive(StopLatch(), 2**20 + 9)
+    assert receive(free, 9) == StopLatch(True, False, False, 9)
+    assert receive(receive(free, 9), 10, "r1").stopped
 
 
 @pytest.mark.parametrize(("ahead", "lifts"), [(0, False), (1, True), (2**20 - 1, True), (2**20, False)])

@@ -368,6 +368,31 @@ async def test_a_resume_of_one_is_not_undone_by_what_the_others_report() -> None
     assert latches["r1"].may_drive
 
 
+@pytest.mark.parametrize("latched", [1, 7, MAX_REVISION_GAP, MAX_REVISION_GAP + 1, 2**40, 2**53])
+@pytest.mark.parametrize("heard_first", [True, False])
+async def test_a_base_station_that_counts_from_1_again_lifts_no_stop_and_can_lift_it_by_a_resume(
+    latched: int, heard_first: bool
+) -> None:
+    kept = fresh()
+    latch = StopLatch().receive("r1", all_robots=True, names=(), revision=latched)
+
+    def publish(latch: StopLatch) -> StopLatch:
+        order = kept.stop
+        return latch.receive("r1", all_robots=order.all, names=order.names, revision=order.revision)
+
+    if not heard_first:
+        latch = publish(latch)  # before it has heard the robot's health
+        assert latch.stopped
+    assert kept.adopt("r1", reports(latch.stopped, latch.revision, latch.all_robots))
+    for _ in range(3):  # its own count may come near the robot's only by the first adoption
+        latch = publish(latch)
+        assert latch.stopped
+        changed = kept.adopt("r1", reports(latch.stopped, latch.revision, latch.all_robots))
+    assert not changed
+    await kept.resume(Resume(revision=kept.stop.revision))
+    assert publish(latch).may_drive
+
+
 async def test_a_stop_that_was_kept_meanwhile_does_not_hide_one_that_a_robot_latched_before() -> None:
     kept = fresh()
     latched = kept.stop.revision
