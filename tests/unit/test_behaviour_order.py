@@ -86,7 +86,7 @@ def test_the_base_station_refuses_what_no_robot_can_run(
             await asyncio.sleep(1.0)
             result = await order(fleet, behaviour, **parameters)
             assert not result.reply.accepted
-            assert result.reply.reason.startswith(f"order: behaviour.{reason}")
+            assert result.reply.reason.startswith(f"behaviour.{reason}")
             assert fleet.driving == {"r1"}  # it goes on as before
             assert not fleet.healths["r1"].failure
 
