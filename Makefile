@@ -1,7 +1,9 @@
 # make demo          five simulated robots on a circle, from a fresh clone
+# make setup         everything that the tests, the figures and the benchmarks need, into .venv
 # make test          the whole suite;  make test-fast leaves out what takes long
 # make check         lint, format, types, layers
 # make mutants       break what keeps robots from driving, and see the tests fail;  MODULE=safety  a part of it
+# make clean         remove .venv and what tools left behind
 # make PYTHON=python3.12 ...   with another Python, 3.11 or newer
 
 PYTHON ?= python3
@@ -13,7 +15,7 @@ PACKAGES := muro_zenoh agents basestation
 .PHONY: help setup demo test test-fast check mutants clean
 
 help:
-	@sed -n 's/^# //p' Makefile
+	@sed -n 's/^# \(make .*\)/\1/p' Makefile
 
 setup: $(VENV)/.for-tests
 
@@ -39,7 +41,7 @@ clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants
 	find $(PACKAGES) tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# What a run needs. Bytecode is compiled now: thirteen processes start at once, and none of them should have to.
+# What a run needs. Bytecode is compiled now: nine processes start at once, and none of them should have to.
 $(VENV)/.for-runs: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "muro-zenoh needs Python 3.11 or newer, but $(PYTHON) is %d.%d; name another with make PYTHON=python3.12" % sys.version_info[:2])'
 	@$(PYTHON) -c 'import ensurepip, venv' || { echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv"; exit 1; }

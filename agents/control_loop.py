@@ -12,10 +12,12 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from agents.failure import FAILURES, OnFailure
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
 from muro_zenoh.channels import Channel
 from muro_zenoh.config import RobotSettings
+from muro_zenoh.errors import ParameterError
 from muro_zenoh.estimation.pose_filter import FilterSettings, PoseEstimate, PoseFilter
 from muro_zenoh.geometry import STILL, Circle, State
 from muro_zenoh.messages import (
@@ -73,9 +75,11 @@ class ControlLoop:
         latch: the stop latch.
         reasons: why the robot must not drive, most important first; empty while it may drive.
         seen: the observations at the newest estimate; None before the first.
-        changed: whether the latch or the reasons have changed; the health report clears it.
+        changed: whether the latch, the stopped names or the reasons have changed; the health report clears it.
         fixes: number of accepted fixes since the start.
         commands: number of commands sent since the start.
+        stopped_names: the robots that stop orders name: the newest one, and all that came since and are not newer.
+            An operator's may be one of those, and a robot that it stopped may forget it, because its agent restarts.
         refused: number of fixes and odometry messages that were refused since the start, by reason.
         pose_ages: for each accepted fix, the time from capture to the estimate that used it [s]; the health report
             clears it.
@@ -88,14 +92,15 @@ class ControlLoop:
         self.changed = False
         self.fixes = 0
         self.commands = 0
+        self.stopped_names: frozenset[str] = frozenset()
         self.refused: Counter[str] = Counter()
         self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
         self._filter = PoseFilter(_FILTER, robot.wheels)
         self._estimate: PoseEstimate | None = None
-        self._stopped_names: frozenset[str] = frozenset()
         self._behaviour: Behaviour | None = None
+        self._on_failure: OnFailure | None = None
         self._intent = hold("no behaviour yet")
         self._intended = -math.inf
         self._sent = -math.inf
@@ -138,7 +143,7 @@ class ControlLoop:
                 out.append((channels.CAL_V, _calibration(estimate.s_v, estimate.sigma_v)))
                 out.append((channels.CAL_OMEGA, _calibration(estimate.s_omega, estimate.sigma_omega)))
             if self._behaviour is not None:
-                self._intend(now, self._behaviour.step(seen), out)
+                self._step(now, self._behaviour, seen, out)
                 self._command(now, out)
                 return out
         # A behaviour that is a task of its own commands by want(); here its command is only repeated or set to zero.
@@ -146,13 +151,14 @@ class ControlLoop:
             self._command(now, out)
         return out
 
-    def behave(self, behaviour: Behaviour | None) -> None:
+    def behave(self, behaviour: Behaviour | None, on_failure: OnFailure | None = None) -> None:
         """Step this behaviour from now on; None for a behaviour that is a task of its own and calls :meth:`want`.
 
         Args:
             behaviour: the behaviour.
+            on_failure: called with what a step raises; the behaviour is not stepped again. None to raise it, in tests.
         """
-        self._behaviour = behaviour
+        self._behaviour, self._on_failure = behaviour, on_failure
 
     def want(self, now: float, intent: Intent) -> Outgoing:
         """Take a behaviour's intent, and command.
@@ -160,6 +166,9 @@ class ControlLoop:
         Args:
             now: the time.
             intent: the intent.
+
+        Raises:
+            ValueError: a number in it that cannot be driven or sent; the intent before stays in force.
         """
         out: Outgoing = []
         if not self._ended:
@@ -174,11 +183,14 @@ class ControlLoop:
             now: the time.
             order: the order.
         """
-        before = self.latch
-        self.latch = before.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
-        self.changed |= self.latch != before
-        if order.revision == self.latch.revision:
-            self._stopped_names = frozenset(order.names)
+        before = self.latch, self.stopped_names
+        latch, names = before
+        self.latch = latch.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
+        # A newer order is the whole state; any other one stops more robots.
+        self.stopped_names = (
+            names.union(order.names) if self.latch.revision == latch.revision else frozenset(order.names)
+        )
+        self.changed |= (self.latch, self.stopped_names) != before
         out: Outgoing = []
         if not self.latch.may_drive and not self._ended:
             self._command(now, out)
@@ -224,23 +236,26 @@ class ControlLoop:
             State(estimate.x, estimate.y, estimate.theta, estimate.v, estimate.omega),
             self._filter.look_ahead(estimate, now, self._robot.lag),
             *around,
-            self._stopped_names,
+            self.stopped_names,
             not self.reasons,
         )
 
     # ---- from intent to command
 
+    def _step(self, now: float, behaviour: Behaviour, seen: Seen, out: Outgoing) -> None:
+        """Step the behaviour. One that raises, or wants what cannot be driven or sent, is not stepped again."""
+        try:
+            self._intend(now, behaviour.step(seen), out)
+        except FAILURES as error:
+            if self._on_failure is None:
+                raise
+            self._behaviour = None
+            self._intend(now, hold(self._on_failure(error)), out)
+
     def _intend(self, now: float, intent: Intent, out: Outgoing) -> None:
+        shown = _shown(intent)  # may raise: before anything is kept
         self._intent, self._intended = intent, now
-        if intent.speed is not None:
-            out.append((channels.VELOCITY, SpeedReference(speed=intent.speed)))
-        if intent.path is not None:
-            x, y, theta = intent.path.start
-            segments = tuple((segment.length, segment.curvature) for segment in intent.path.segments)
-            path = PlannedPath(x=x, y=y, theta=theta, segments=segments, goal_theta=intent.path_has_heading)
-            out.append((channels.PATH, path))
-        if intent.cell is not None:
-            out.append((channels.CELL, Cell(corners=intent.cell.corners, x=intent.cell.x, y=intent.cell.y)))
+        out += shown
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent = self._estimate, self._intent
@@ -269,6 +284,23 @@ class ControlLoop:
         self.commands += 1
         self._filter.command(now, command.v, command.omega)
         out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
+
+
+def _shown(intent: Intent) -> Outgoing:
+    """What others see of an intent; raises for one that cannot be driven or sent."""
+    if intent.twist is not None and not all(map(math.isfinite, intent.twist)):
+        raise ParameterError("twist", got=repr(intent.twist), expected="finite numbers [m/s, rad/s]")
+    out: Outgoing = []
+    if intent.speed is not None:
+        out.append((channels.VELOCITY, SpeedReference(speed=intent.speed)))
+    if intent.path is not None:
+        x, y, theta = intent.path.start
+        segments = tuple((segment.length, segment.curvature) for segment in intent.path.segments)
+        path = PlannedPath(x=x, y=y, theta=theta, segments=segments, goal_theta=intent.path_has_heading)
+        out.append((channels.PATH, path))
+    if intent.cell is not None:
+        out.append((channels.CELL, Cell(corners=intent.cell.corners, x=intent.cell.x, y=intent.cell.y)))
+    return out
 
 
 def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:

@@ -13,6 +13,8 @@ A plain function is called at each estimate and returns the twist; an ``async`` 
 
 from __future__ import annotations
 
+import math
+import reprlib
 from collections.abc import AsyncIterator, Callable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
@@ -20,7 +22,7 @@ from muro_zenoh import config
 from muro_zenoh.behaviours.circle import CircleFollowing
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Neighbour, Seen, Vehicle, hold
 from muro_zenoh.control.circle import CircleLaw
-from muro_zenoh.errors import BehaviourError, PlanningError
+from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.messages import Estimate
 from muro_zenoh.planning.destination import Destination
@@ -166,8 +168,11 @@ class Robot:
         Args:
             v: forwards [m/s].
             omega: counter-clockwise [rad/s].
+
+        Raises:
+            ParameterError: not a finite number.
         """
-        self._want(Intent(Twist2(v, omega)))
+        self._want(Intent(twist_of(v, omega)))
 
     def hold(self, reason: str = "held by the behaviour") -> None:
         """Stand still.
@@ -175,14 +180,18 @@ class Robot:
         Args:
             reason: shown to operators.
         """
-        self._want(hold(reason))
+        self._want(hold(str(reason)))
 
     def velocity(self, speed: float) -> None:
         """Follow the circle at a speed, and publish it on ``muro/velocity/<name>``. Call it as often as :meth:`drive`.
 
         Args:
             speed: along the circle [m/s].
+
+        Raises:
+            ParameterError: not a finite number.
         """
+        speed = _number("speed", speed, "m/s")
         seen = self._connection.seen()
         if seen is not None:
             self._want(self._circle.step(seen._replace(speed=speed))._replace(speed=speed))
@@ -196,10 +205,13 @@ class Robot:
             theta: the heading to arrive with [rad]; None when it does not matter.
 
         Raises:
+            ParameterError: not a finite number.
             PlanningError: there is no path to the goal, or the robot has no pose yet.
         """
         from muro_zenoh.behaviours import dubins  # needs numpy, which most agents do not load
 
+        x, y = _number("x", x, "m"), _number("y", y, "m")
+        theta = _number("theta", theta, "rad") if theta is not None else None
         seen = self._connection.seen()
         if seen is None:
             raise PlanningError(
@@ -222,71 +234,24 @@ class Robot:
         self._connection.want(intent)
 
 
-class CalledBehaviour(Behaviour):
-    """A user's own function that is called at each estimate and returns ``v, omega``.
-
-    It may call the robot's methods instead and return None. After an exception it is not called again.
+def twist_of(v: Any, omega: Any) -> Twist2:
+    """A user's twist, checked.
 
     Args:
-        function: the function.
-        make_robot: makes the robot that it is called with.
-        on_error: called with the exception that it raises; returns the reason to hold with.
+        v: forwards [m/s]; any kind of number.
+        omega: counter-clockwise [rad/s].
+
+    Raises:
+        ParameterError: not a finite number.
     """
-
-    def __init__(
-        self,
-        function: Callable[[Robot], Any],
-        make_robot: Callable[[Connection], Robot],
-        on_error: Callable[[BaseException], str],
-    ) -> None:
-        self._function = function
-        self._on_error = on_error
-        self._seen: Seen | None = None
-        self._intent: Intent | None = None
-        self._ride: Behaviour | None = None
-        self._failure = ""
-        self._robot = make_robot(
-            Connection(lambda: self._seen, self._want, self._behave, _no_estimates, lambda: self._seen_now)
-        )
-
-    def step(self, seen: Seen) -> Intent:
-        """Call the function.
-
-        Args:
-            seen: the observations for the robot's properties.
-        """
-        if self._failure:
-            return hold(self._failure)
-        self._seen, self._intent = seen, None
-        try:
-            wanted = self._function(self._robot)
-            if wanted is not None:
-                return Intent(_twist(wanted))
-        except (Exception, SystemExit) as error:
-            self._failure = self._on_error(error)
-            return hold(self._failure)
-        if self._intent is not None:
-            return self._intent
-        return self._ride.step(seen) if self._ride is not None else hold("the behaviour returned nothing")
-
-    @property
-    def _seen_now(self) -> float:
-        return self._seen.now if self._seen is not None else 0.0
-
-    def _want(self, intent: Intent) -> None:
-        self._intent = intent
-
-    def _behave(self, ride: Behaviour | None) -> None:
-        self._ride = ride
+    return Twist2(_number("v", v, "m/s"), _number("omega", omega, "rad/s"))
 
 
-def _twist(wanted: Any) -> Twist2:
+def _number(name: str, value: Any, unit: str) -> float:
+    """A user's number as a float, so that a numpy scalar is one too."""
     try:
-        v, omega = wanted
-        return Twist2(float(v), float(omega))
-    except (TypeError, ValueError):
-        raise ValueError(f"got {wanted!r}, expected `return v, omega` [m/s, rad/s]") from None
-
-
-def _no_estimates() -> Latest[Estimate]:
-    raise BehaviourError("robot.estimates() needs `async def f(robot)`; a plain function is called at each estimate")
+        if math.isfinite(value):  # raises TypeError for text, which float() would read
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ParameterError(name, got=reprlib.repr(value), expected=f"a finite number [{unit}]")

@@ -59,6 +59,7 @@ class Station:
                 tasks.create_task(self._health.be_the_only_one(), name="be the only one")
                 tasks.create_task(self._health.report(), name="health")
         finally:
+            self._orders.close()
             self.store.close()
 
 

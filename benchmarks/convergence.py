@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.rows import cell, quantile, write
+from benchmarks.support.rows import cell, quantile, write
 from muro_zenoh.control.circle import CIRCLE_LAWS, VectorFieldGains, circle_law
 from muro_zenoh.geometry import Circle
 from muro_zenoh.simulation.rollout.runs import CircleRun, follow_circle, settling_time

@@ -31,8 +31,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.fleet_under_test import AGENTS, BARE, TOPOLOGIES, Topology, running
-from benchmarks.rows import write
+from benchmarks.support.fleet_under_test import AGENTS, BARE, TOPOLOGIES, Topology, running
+from benchmarks.support.rows import write
 from muro_zenoh.supervision.launch import muro_command
 from tests.support.router import router
 

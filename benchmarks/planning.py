@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from benchmarks.rows import write
+from benchmarks.support.rows import write
 from muro_zenoh.geometry import Bounds, Pose2
 from muro_zenoh.planning.coverage import Point, cell, cells
 from muro_zenoh.planning.dubins import all_words, plan, shortest_word

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.rows import cell, quantile, write
+from benchmarks.support.rows import cell, quantile, write
 from muro_zenoh.control.circle import circle_law
 from muro_zenoh.control.pursuit import PURSUIT_LAWS, pursuit_law
 from muro_zenoh.geometry import Circle

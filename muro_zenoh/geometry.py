@@ -156,15 +156,6 @@ class Bounds:
             (self.x_min, self.y_max),
         )
 
-    def clearance(self, x: float, y: float) -> float:
-        """Distance from a position to the nearest border [m]; below 0 outside.
-
-        Args:
-            x: position [m, world].
-            y: position [m, world].
-        """
-        return min(x - self.x_min, self.x_max - x, y - self.y_min, self.y_max - y)
-
     def holds(self, x: float, y: float, slack: float = 1e-9) -> bool:
         """Whether a position is inside, border included; NaN never is.
 

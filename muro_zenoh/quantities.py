@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from functools import cache
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_hints
 
 from muro_zenoh.errors import ParameterError
 
@@ -75,18 +75,19 @@ class Quantity:
         return " ".join(filter(None, [words, bounds, f"[{self.unit}]" if self.unit else ""]))
 
 
+LEAST: Final = 0.001
+"""The least length [m], size of an angle [rad] and turning rate [rad/s]: laws divide by them and by their squares."""
+
 Number = Annotated[float, Quantity()]
 Positive = Annotated[float, Quantity(above=0.0)]
-NotNegative = Annotated[float, Quantity(at_least=0.0)]
 Count = Annotated[int, Quantity(at_least=0, whole=True)]
 Coordinate = Annotated[float, Quantity("m")]
-Length = Annotated[float, Quantity("m", above=0.0)]
-Distance = Annotated[float, Quantity("m", at_least=0.0)]
+Length = Annotated[float, Quantity("m", at_least=LEAST)]
 Angle = Annotated[float, Quantity("rad", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)]
-AngleSize = Annotated[float, Quantity("rad", above=0.0)]
+AngleSize = Annotated[float, Quantity("rad", at_least=LEAST)]
 Speed = Annotated[float, Quantity("m/s", above=0.0)]
 SpeedOrRest = Annotated[float, Quantity("m/s", at_least=0.0)]
-TurningRate = Annotated[float, Quantity("rad/s", above=0.0)]
+TurningRate = Annotated[float, Quantity("rad/s", at_least=LEAST)]
 Acceleration = Annotated[float, Quantity("m/s^2", above=0.0)]
 AngularAcceleration = Annotated[float, Quantity("rad/s^2", above=0.0)]
 Rate = Annotated[float, Quantity("Hz", above=0.0)]

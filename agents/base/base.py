@@ -25,13 +25,18 @@ class Base:
     Args:
         name: the robot's name, for the log.
         wheels: the wheels that it drives.
+
+    Attributes:
+        overtaken: how many commands were ignored because a later one of their writer had come before them.
     """
 
     def __init__(self, name: str, wheels: Wheels) -> None:
         self._name = name
         self._wheels = wheels
         self._reading = wheels.read()
+        self.overtaken = 0
         self._writer = 0
+        self._seq = 0
         self._unsigned = False
         self._contested = -math.inf
         self._expires = -math.inf
@@ -55,6 +60,12 @@ class Base:
             return
         if command.epoch != self._writer:
             self._change_writer(command.epoch, now)
+        elif 0 < command.seq <= self._seq and now <= self._expires:
+            # Later than a stop, it would set the wheels turning again. Once the later command has expired, so has any
+            # before it; `seq` then counts anew, or one wrong number would lock its writer out.
+            self._ignore_overtaken(command.seq)
+            return
+        self._seq = command.seq
         self._expires = now - age + DEAD_MAN
         if now <= self._contested or self._wheels.read().hazard:
             self.stop()
@@ -73,6 +84,16 @@ class Base:
                 "(logged once)",
                 self._name,
             )
+
+    def _ignore_overtaken(self, seq: int) -> None:
+        if not self.overtaken:
+            log.warning(
+                "%s: got command %d after command %d of the same writer, expected them in order: ignored (logged once)",
+                self._name,
+                seq,
+                self._seq,
+            )
+        self.overtaken += 1
 
     def _change_writer(self, epoch: int, now: float) -> None:
         """Two processes that command at once (an agent started twice, a foreign program) would drive in turns, and a

@@ -8,10 +8,11 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+from agents.called_behaviour import CalledBehaviour
 from agents.control_loop import ControlLoop
-from agents.robot import CalledBehaviour, Connection, Robot
+from agents.failure import FAILURES, failure_of
+from agents.robot import Connection, Robot
 from agents.tasks.control import Listener, Sender
-from agents.tasks.failure import failure_of
 from muro_zenoh import channels
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Need, Seen, Vehicle, hold
@@ -33,9 +34,10 @@ _EVERYTHING = frozenset(Need) - {Need.GOALS}
 class BehaviourRunner:
     """Runs one behaviour at a time.
 
-    A behaviour that cannot be loaded, refuses its parameters, raises an exception, or ends by itself leaves the robot
-    stationary, with the reason, until a behaviour is ordered, the same or another. A behaviour that ignores its
-    cancellation, or leaves a task behind, is revoked: its calls have no effect.
+    A behaviour that cannot be loaded, refuses its parameters, raises an exception, asks for what is not a twist, or
+    ends by itself leaves the robot stationary, with the reason, until a behaviour is ordered, the same or another. A
+    user's behaviour is revoked when it is over: calls by a task that it leaves behind, or that ignores its
+    cancellation, have no effect.
 
     Args:
         bus: the bus.
@@ -49,6 +51,7 @@ class BehaviourRunner:
         name: name of the running behaviour; empty before the first order.
         outcome: ``failed`` or ``ended`` once it has done so by itself; empty while it runs.
         failure: the reason of the outcome, in one line; empty while it runs.
+        revision: of the newest order that was obeyed: the running behaviour's, or of one that asks for the same again.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class BehaviourRunner:
         self.name = ""
         self.outcome = ""
         self.failure = ""
+        self.revision = 0
         self._vehicle = vehicle
         self._settings = settings
         self._loop = loop
@@ -76,7 +80,7 @@ class BehaviourRunner:
         self._connection = Connection(
             seen=lambda: loop.seen,
             want=self._want,
-            behave=loop.behave,
+            behave=lambda ride: loop.behave(ride, self._fail_in_step),
             estimates=lambda: bus.latest(channels.ESTIMATE, vehicle.name, own_only=True),
             now=bus.clock.now,
         )
@@ -99,6 +103,8 @@ class BehaviourRunner:
             Why the goal is refused; empty when it is accepted.
         """
         if self._built_in is None:
+            if self.failure:
+                return self.failure
             return f"the behaviour {self.name} takes no goals" if self.name else "no behaviour yet"
         return self._built_in.go_to(goal, seen)
 
@@ -106,20 +112,20 @@ class BehaviourRunner:
 
     async def _take_orders(self) -> None:
         current: tuple[str, object] = ("", None)
-        revision = -1
         async for received in self._orders:
             order = received.message
             wanted = (order.behaviour, order.parameters)
-            again = bool(self.outcome) and order.revision != revision
+            again = bool(self.outcome) and order.revision != self.revision
             if wanted == current and not again:
+                self.revision = order.revision
                 continue  # the base station repeats the kept state
-            current, revision = wanted, order.revision
+            current = wanted
             self._hold("the behaviour is changing")
             await self._end()
             self._start(order)
 
     def _start(self, order: BehaviourOrder) -> None:
-        self.name, self.outcome, self.failure = order.behaviour, "", ""
+        self.name, self.outcome, self.failure, self.revision = order.behaviour, "", "", order.revision
         log.info("behaviour %s %s", order.behaviour, order.parameters or "")
         try:
             found = table.find(order.behaviour)
@@ -127,19 +133,19 @@ class BehaviourRunner:
                 self._start_own(found, order)
                 return
             built_in = make_behaviour(found, order.parameters, self._vehicle, f"behaviour of {self._vehicle.name}")
-        except (MuroError, ValueError) as error:
-            # An exception from importing a user's module is the cause of our own error.
+        except FAILURES as error:
+            # An exception of a user's module or function is the cause of our own error.
             self._hold(self._fail(error, error.__cause__ if isinstance(error, MuroError) else error))
             return
         self._listener.need(found.needs)
         self._built_in = built_in
-        self._loop.behave(built_in)
+        self._loop.behave(built_in, self._fail_in_step)
 
     def _start_own(self, own: OwnBehaviour, order: BehaviourOrder) -> None:
         self._listener.need(_EVERYTHING)
         make_robot = functools.partial(Robot, self._vehicle, self._settings, order.parameters)
         if not own.is_async:
-            self._loop.behave(CalledBehaviour(own.function, make_robot, functools.partial(self._fail_in, own.function)))
+            self._loop.behave(CalledBehaviour(own.function, make_robot), functools.partial(self._fail_in, own.function))
             return
         robot = self._robot = make_robot(self._connection)
         self._task = asyncio.create_task(self._run(own.function, robot), name=f"behaviour {order.behaviour}")
@@ -151,7 +157,7 @@ class BehaviourRunner:
             if robot.revoked:
                 raise  # cancelled by _end
             reason = self._end_early("it was cancelled by itself")
-        except (Exception, BaseExceptionGroup, SystemExit) as error:
+        except FAILURES as error:
             if robot.revoked:
                 log.warning("behaviour %s failed while it ended", self.name, exc_info=error)
                 return
@@ -160,6 +166,7 @@ class BehaviourRunner:
             if robot.revoked:
                 return
             reason = self._end_early("its function has returned")
+        robot.revoke()  # a task that it has left behind may still call
         self._loop.behave(None)
         self._hold(reason)
 
@@ -167,6 +174,15 @@ class BehaviourRunner:
 
     def _fail_in(self, function: Callable[..., Any], error: BaseException) -> str:
         return self._fail(error, error, function)
+
+    def _fail_in_step(self, error: BaseException) -> str:
+        """A built-in behaviour has failed, or a ride that a user's own has set out on and may be waiting for."""
+        self._built_in = None
+        if self._robot is not None:
+            self._robot.revoke()
+        if self._task is not None:
+            self._task.cancel()
+        return self._fail(error, error)
 
     def _fail(
         self, error: BaseException, shown: BaseException | None, function: Callable[..., Any] | None = None

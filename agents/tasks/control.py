@@ -69,14 +69,13 @@ class Listener:
         """
         if self._speed is not None:  # a speed for the previous behaviour is not one for this behaviour
             self._speed.close()
-            self._speed = None
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
         self._snapshot = self._needed(Need.SNAPSHOT in needs, self._snapshot, channels.ALL_POSITIONS)
-        self._speed = self._needed(Need.SPEED in needs, self._speed, channels.VELOCITY, self._name)
+        self._speed = self._bus.latest(channels.VELOCITY, self._name) if Need.SPEED in needs else None
 
-    def _needed(self, needed: bool, box: Latest[T] | None, channel: Channel[T], name: str = "") -> Latest[T] | None:
+    def _needed(self, needed: bool, box: Latest[T] | None, channel: Channel[T]) -> Latest[T] | None:
         if needed:
-            return box if box is not None else self._bus.latest(channel, name)
+            return box if box is not None else self._bus.latest(channel)
         if box is not None:
             box.close()
         return None

@@ -62,8 +62,10 @@ async def report_health(
                 },
                 samples=samples,
                 failure=runner.failure,
+                behaviour_revision=runner.revision,
                 stop_latched=loop.latch.stopped,
                 stop_all=loop.latch.all_robots,
+                stop_names=tuple(sorted(loop.stopped_names)),
                 stop_revision=max(loop.latch.revision, 0),
             )
         )

@@ -168,7 +168,13 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return msgspec.structs.replace(new, lifted_revision=new.stop_revision)
 
     def adopting(self, name: str, health: Health) -> KeptState:
-        """The state with a stop that a robot received straight from an operator, or with a newer revision than this.
+        """The state with the stops that a robot received straight from an operator, or with a newer revision than this.
+
+        The stops of other robots count as well: one of them may have restarted and forgotten its own.
+
+        A newer revision is taken as it is: our next order is then newer than what the robots know. One is added only
+        together with a stop that somebody does not hold yet, so two base stations whose states the robots hear in turn
+        agree after a few of them, instead of overtaking each other for ever.
 
         Args:
             name: of the robot.
@@ -179,13 +185,18 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """
         known = self.stop_revision
         latched = health.stop_revision if self._is_near(health.stop_revision) else known
+        everybody = health.stop_latched and health.stop_all
+        names = {*health.stop_names, *((name,) if health.stop_latched and not everybody else ())}
+        is_new = not self.stop_all and (everybody or not names <= set(self.stop_names))
         # At revision 0 it has received no state since it started, so it cannot have missed a resume either.
-        if health.stop_latched and (latched >= self.lifted_revision or latched == 0):
-            already = self.stop_all or (not health.stop_all and name in self.stop_names)
-            if already and latched <= known:
-                return self
-            return self.with_stop(() if health.stop_all else (name,), everybody=health.stop_all, above=latched)
-        return self.with_stop((), everybody=False, above=latched) if latched > known else self
+        if is_new and (latched >= self.lifted_revision or latched == 0):
+            return self.with_stop(names, everybody=everybody, above=latched)
+        if latched <= known:
+            return self
+        if not health.stop_latched and (self.stop_all or name in self.stop_names):
+            # It has to receive the stop, which is older than what it knows.
+            return self.with_stop((), everybody=False, above=latched)
+        return msgspec.structs.replace(self, stop_revision=latched)
 
     # ---- inside
 

@@ -26,11 +26,9 @@ class Homography:
 
     Attributes:
         matrix: (3, 3), from homogeneous pixels to homogeneous metres; the third component is positive in the picture.
-        residual: root mean square of the distance between seen and projected points, over the fitted views [px].
     """
 
     matrix: Array
-    residual: float = 0.0
 
     @classmethod
     def fit(cls, views: Sequence[View], *, camera: str) -> Homography:
@@ -83,8 +81,7 @@ class Homography:
                 expected="a floor seen from above, with the same order of points in the picture and on the floor",
                 hint="Is y measured downwards, or are x and y swapped?",
             )
-        error = _project(_inverse(matrix), metres) - pixels
-        return cls(matrix, float(np.sqrt((error**2).sum(axis=1).mean())))
+        return cls(matrix)
 
     def to_metres(self, points: Array) -> Array:
         """Positions of pixels.

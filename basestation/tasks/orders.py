@@ -16,7 +16,7 @@ from basestation.tasks.positions import PositionsTask
 from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, OrderRefused
 from muro_zenoh.messages import Clear, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
-from muro_zenoh.transport import Bus
+from muro_zenoh.transport import Bus, Closable
 
 log = logging.getLogger(__name__)
 
@@ -38,18 +38,28 @@ class OrdersTask:
         self._store = store
         self._kept = kept
         self._positions = positions
+        self._declared: list[Closable] = []
+        self._closed = False
 
     def listen(self) -> None:
-        """Answer orders until the bus is closed."""
+        """Answer orders until :meth:`close`."""
         self._answer(channels.STOP_ORDER, self._stop)
         self._answer(channels.RESUME, self._resume)
         self._answer(channels.SET_CIRCLE, self._set_circle)
         self._answer(channels.SET_BEHAVIOUR, self._set_behaviour)
         self._answer(channels.CLEAR, self._clear)
 
+    def close(self) -> None:
+        """Take no more orders: nothing would publish what they change. One that is on its way is refused."""
+        self._closed = True
+        for declared in self._declared:
+            declared.close()
+
     def _answer(self, verb: channels.Verb[T], obey: Callable[[T], Awaitable[None]]) -> None:
         async def answer(order: T) -> Reply:
             try:
+                if self._closed:
+                    raise OrderRefused("the base station is shutting down")
                 await obey(order)
             except MuroError as error:
                 log.info("%s: refused: %s", order, error)
@@ -57,7 +67,7 @@ class OrdersTask:
             log.info("%s: accepted", order)
             return Reply(accepted=True, revision=self._store.revision)
 
-        self._bus.answer(verb, answer)
+        self._declared.append(self._bus.answer(verb, answer))
 
     async def _stop(self, order: Stop) -> None:
         saved = self._store.add_stop(order)

@@ -117,6 +117,6 @@ BEHAVIOUR = BehaviourKind(
     make,
     "follow the circle at the speed received on velocity/<name>, or at a default speed",
     needs=frozenset({Need.CIRCLE, Need.SPEED}),
-    expects=lambda parameters: Expectation(on_circle=True),
+    expects=lambda parameters, vehicle: Expectation(follows_circle=True),
     fits=fits,
 )

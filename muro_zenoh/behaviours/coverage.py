@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from muro_zenoh.behaviours.interface import (
     is_visible,
 )
 from muro_zenoh.errors import ParameterError
+from muro_zenoh.geometry import Circle
 from muro_zenoh.planning.coverage import Density, Peaks, Point, Round, cell, lloyd_goal, next_round
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
@@ -169,14 +171,31 @@ class _Mean(NamedTuple):
         return self.x / self.number, self.y / self.number
 
 
-def expects(parameters: Parameters) -> Expectation:
+def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse a ride that a robot is too slow for.
+
+    Args:
+        parameters: parameters of the deployment.
+        circle: not used.
+        fleet: the robots.
+
+    Raises:
+        ParameterError: ``v_min`` is above a robot's ``v_max``.
+    """
+    for vehicle in fleet:
+        parameters.ride.settings(vehicle)
+
+
+def expects(parameters: Parameters, vehicle: Vehicle) -> Expectation:
     """What its score sheet shows.
 
     Args:
         parameters: parameters of the deployment.
+        vehicle: a robot; its arena is the floor.
     """
     return Expectation(
-        v_min=parameters.ride.profile.v_min, deployment=Deployment(parameters.density(), parameters.hold_time)
+        v_min=parameters.ride.profile.v_min,
+        deployment=Deployment(vehicle.arena, parameters.density(), parameters.hold_time),
     )
 
 
@@ -186,4 +205,5 @@ BEHAVIOUR = BehaviourKind(
     "deploy over the floor: each robot drives to the centroid of its Voronoi cell",
     needs=frozenset({Need.SNAPSHOT}),
     expects=expects,
+    fits=fits,
 )

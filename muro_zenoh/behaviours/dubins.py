@@ -12,7 +12,7 @@ from muro_zenoh.control.ride import Ride, RideSettings, is_at, ride_on, set_out
 from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Circle
-from muro_zenoh.planning.destination import Destination
+from muro_zenoh.planning.destination import Destination, require_inside
 from muro_zenoh.planning.itinerary import Itinerary
 from muro_zenoh.quantities import Duration, Length, check_quantities
 
@@ -98,13 +98,7 @@ class GoalList:
         """
         for vehicle in fleet:
             for index, (x, y, *_) in enumerate(self.goals):
-                if not vehicle.arena.shrunk(vehicle.radius).holds(x, y):
-                    raise ParameterError(
-                        f"goals[{index}]",
-                        got=f"({x:g}, {y:g})",
-                        expected=f"a position inside the arena, at least {vehicle.radius:g} m (the robot's radius) "
-                        "from its border",
-                    )
+                require_inside(f"goals[{index}]", x, y, vehicle.arena, vehicle.radius)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,8 +196,7 @@ class GoalRide(Behaviour):
         return self._wait()
 
     def _wait(self) -> Intent:
-        waiting = self._itinerary.waiting
-        return hold(self._idle if self._idle and "given up" not in waiting else waiting)
+        return hold(self._itinerary.given_up or self._idle or self._itinerary.waiting)
 
 
 def make(parameters: Parameters, vehicle: Vehicle) -> GoalRide:
@@ -220,16 +213,18 @@ def make(parameters: Parameters, vehicle: Vehicle) -> GoalRide:
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse goals outside the arena.
+    """Refuse goals outside the arena, and a ride that a robot is too slow for.
 
     Args:
-        parameters: the parameters, with the goals.
+        parameters: how to drive, and the goals.
         circle: not used.
         fleet: the robots.
 
     Raises:
-        ParameterError: a goal is outside the arena, or too near its border.
+        ParameterError: ``v_min`` is above a robot's ``v_max``; or a goal is outside the arena, or too near its border.
     """
+    for vehicle in fleet:
+        parameters.ride.settings(vehicle)
     parameters.targets.require_inside(fleet)
 
 
@@ -238,6 +233,6 @@ BEHAVIOUR = BehaviourKind(
     make,
     "drive to each goal along a Dubins curve",
     needs=frozenset({Need.GOALS}),
-    expects=lambda parameters: Expectation(goals=True, v_min=parameters.ride.profile.v_min),
+    expects=lambda parameters, vehicle: Expectation(v_min=parameters.ride.profile.v_min),
     fits=fits,
 )

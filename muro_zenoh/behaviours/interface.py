@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from muro_zenoh.geometry import Bounds, Circle, State, Twist2
@@ -196,9 +197,15 @@ class Need(Enum):
 
 
 class Deployment(NamedTuple):
-    """Parameters of a deployment that its score needs: ``density`` over the floor (None for uniform), and
-    ``hold_time``, how long all robots are stationary before a round ends [s]."""
+    """The task of robots that cover a floor.
 
+    Attributes:
+        floor: the floor to cover.
+        density: the density over the floor; None for uniform.
+        hold_time: how long all robots are stationary before a round ends [s].
+    """
+
+    floor: Bounds
     density: Density | None
     hold_time: float
 
@@ -207,23 +214,23 @@ class Expectation(NamedTuple):
     """What robots with this behaviour should achieve; it decides what their score sheet shows.
 
     Attributes:
-        on_circle: they follow the circle.
-        evenly: they spread evenly on the circle.
-        importance: they stay longer where it is greater; None for no weighting.
-        goals: they drive to the scenario's goals.
-        v_min: they drive along planned paths, on arcs at this speed [m/s]; None when they plan none.
-        deployment: they cover the floor; None when they do not.
+        follows_circle: whether they follow the circle.
+        spreads: whether they spread evenly on it.
+        importance: where on the circle they stay longer; None for no weighting.
+        goals: goals to visit in order, by robot; those of the scenario, for a behaviour that needs goals.
+        v_min: speed on the arcs of planned paths [m/s]; None when they plan none.
+        deployment: the floor that they cover; None when they cover none.
     """
 
-    on_circle: bool = False
-    evenly: bool = False
+    follows_circle: bool = False
+    spreads: bool = False
     importance: Importance | None = None
-    goals: bool = False
+    goals: Mapping[str, Sequence[Sequence[float]]] = MappingProxyType({})
     v_min: float | None = None
     deployment: Deployment | None = None
 
 
-def _nothing_expected(parameters: Any) -> Expectation:
+def _nothing_expected(parameters: Any, vehicle: Vehicle) -> Expectation:
     return Expectation()
 
 
@@ -242,7 +249,7 @@ class BehaviourKind:
             :class:`~muro_zenoh.errors.ParameterError` for parameters that are inconsistent or do not fit the robot.
         summary: what it does, in one line.
         needs: its inputs.
-        expects: what its score sheet shows, from its parameters.
+        expects: what its score sheet shows, from its parameters and a robot that runs it; the goals are filled in.
         fits: raises a :class:`~muro_zenoh.errors.ParameterError` when a whole fleet cannot do it on this circle.
     """
 
@@ -250,9 +257,5 @@ class BehaviourKind:
     make: Callable[[Any, Vehicle], Behaviour]
     summary: str
     needs: frozenset[Need] = frozenset()
-    expects: Callable[[Any], Expectation] = _nothing_expected
+    expects: Callable[[Any, Vehicle], Expectation] = _nothing_expected
     fits: Callable[[Any, Circle, Sequence[Vehicle]], None] = _always_fits
-
-
-Parameters = Mapping[str, Any]
-"""A behaviour's parameters as in settings files and orders: values by key."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 from muro_zenoh.behaviours.circle import require_room
 from muro_zenoh.behaviours.entry_points import load_function
@@ -26,7 +26,6 @@ from muro_zenoh.control.pursuit import Normalised, Proportional, PursuitLaw, Two
 from muro_zenoh.control.ring import RingRobot
 from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import Circle
-from muro_zenoh.quantities import Quantity, Speed, SpeedOrRest, check_quantities
 
 _STATIONARY_AFTER = 1.0
 """A robot that has not moved for this time does not take part [s]."""
@@ -37,10 +36,7 @@ class ByImportance:
     """Settings of the law ``importance``: stay longer where the importance is greater.
 
     Args:
-        cruise: speed where the importance is 1 [m/s].
-        v_min: minimum speed on the ring [m/s].
-        v_max: maximum speed on the ring [m/s].
-        gain: gain of the pursuit law [1/s].
+        even: the law without importance: cruising speed (where the importance is 1), limits and gain.
         angles: angles on the circle [rad].
         weights: the importance at each angle, above 0; interpolated in between.
         importance: instead of a table: ``module:function``, from an angle [rad] to a weight.
@@ -48,22 +44,17 @@ class ByImportance:
 
     NAME: ClassVar[str] = Weighted.NAME
 
-    cruise: SpeedOrRest = 0.2
-    v_min: SpeedOrRest = 0.05
-    v_max: Speed = 0.4
-    gain: Annotated[float, Quantity("1/s", above=0.0)] = 2.5
+    even: TwoGap = TwoGap()
     angles: tuple[float, ...] = ()
     weights: tuple[float, ...] = ()
     importance: str = ""
-
-    def __post_init__(self) -> None:
-        check_quantities(self)
 
     def law(self) -> Weighted:
         """The law with its importance.
 
         Raises:
             ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
+            BehaviourError: an importance that cannot be loaded, or raises an exception.
         """
         from muro_zenoh.control.importance import Importance  # needs numpy, which most agents do not load
 
@@ -71,7 +62,7 @@ class ByImportance:
             importance = Importance.from_function(load_function(self.importance))
         else:
             importance = Importance.from_table(self.angles, self.weights)
-        return Weighted(cruise=self.cruise, v_min=self.v_min, v_max=self.v_max, gain=self.gain, importance=importance)
+        return Weighted(**asdict(self.even), importance=importance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +83,7 @@ class Parameters:
 
         Raises:
             ParameterError: an invalid importance, or one whose contrast the speed range cannot serve.
+            BehaviourError: an importance that cannot be loaded, or raises an exception.
         """
         return self.pursuit.law() if isinstance(self.pursuit, ByImportance) else self.pursuit
 
@@ -165,16 +157,18 @@ def make(parameters: Parameters, vehicle: Vehicle) -> Pursuit:
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse a circle that the robots cannot share.
+    """Refuse a circle that the robots cannot share, and an invalid table of the importance.
 
     Args:
-        parameters: not used.
+        parameters: both laws; a function of the user's own is loaded only on the robots.
         circle: the circle.
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena, or touch when evenly spread.
+        ParameterError: they would leave the arena, or touch when evenly spread; or as for the speed law.
     """
+    if not (isinstance(parameters.pursuit, ByImportance) and parameters.pursuit.importance):
+        parameters.pursuit_law()
     require_room(circle, fleet)
     count = len(fleet)
     body = max(vehicle.radius for vehicle in fleet)
@@ -190,15 +184,16 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         )
 
 
-def expects(parameters: Parameters) -> Expectation:
+def expects(parameters: Parameters, vehicle: Vehicle) -> Expectation:
     """What its score sheet shows; with an importance the robots do not spread evenly.
 
     Args:
         parameters: the laws.
+        vehicle: not used.
     """
     law = parameters.pursuit_law()
     importance = law.importance if isinstance(law, Weighted) else None
-    return Expectation(on_circle=True, evenly=importance is None, importance=importance)
+    return Expectation(follows_circle=True, spreads=importance is None, importance=importance)
 
 
 BEHAVIOUR = BehaviourKind(

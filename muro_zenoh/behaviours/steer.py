@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from muro_zenoh.behaviours.dubins import GoalList, fits
-from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Expectation, Intent, Need, Seen, Vehicle, hold
+from muro_zenoh.behaviours.dubins import GoalList
+from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Intent, Need, Seen, Vehicle, hold
 from muro_zenoh.control.point_forward import GoToGoal
-from muro_zenoh.errors import PlanningError
-from muro_zenoh.geometry import STILL, Pose2
-from muro_zenoh.planning.arena import require_goal_inside
-from muro_zenoh.planning.destination import Destination
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.geometry import STILL
+from muro_zenoh.planning.destination import Destination, require_inside
 from muro_zenoh.planning.itinerary import Itinerary
 
 
@@ -52,8 +51,8 @@ class Steering(Behaviour):
             Why the goal is refused; empty when it is accepted.
         """
         try:
-            require_goal_inside(Pose2(goal.x, goal.y, 0.0), self._vehicle.arena, self._vehicle.radius)
-        except PlanningError as error:
+            require_inside("goal", goal.x, goal.y, self._vehicle.arena, self._vehicle.radius)
+        except ParameterError as error:
             return str(error)
         self._itinerary.replace(goal)
         return ""
@@ -90,6 +89,5 @@ BEHAVIOUR = BehaviourKind(
     make,
     "drive to each goal by point-forward steering",
     needs=frozenset({Need.GOALS}),
-    expects=lambda parameters: Expectation(goals=True),
-    fits=fits,
+    fits=lambda parameters, circle, fleet: parameters.targets.require_inside(fleet),
 )

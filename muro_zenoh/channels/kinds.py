@@ -26,7 +26,6 @@ class Role(StrEnum):
     BASESTATION = "basestation"
     CAMERA = "camera"
     SIMULATOR = "simulator"
-    ROUTER = "router"
     OPERATOR = "operator"
     """Operators' tools, and a lab's own programs."""
 

@@ -208,7 +208,7 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
 
 def _print_reply(reply: Reply | None) -> None:
     if reply is None:
-        text = "did not answer, so only the robots themselves keep this order"
+        text = "did not answer: only the agents that are running now remember this stop, until it is back"
     elif reply.accepted:
         text = f"accepted, revision {reply.revision}"
     else:

@@ -8,7 +8,7 @@ describes a run (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``) 
 from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, parameters_as, read_parameters
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.find import built_in_scenarios, find_scenario
-from muro_zenoh.config.scenario import as_table, load_scenario, parse_scenario
+from muro_zenoh.config.scenario import PROCESSES, as_table, load_scenario, parse_scenario
 from muro_zenoh.config.schema import Section
 from muro_zenoh.config.sections import (
     BehaviourSettings,
@@ -20,6 +20,7 @@ from muro_zenoh.config.sections import (
 )
 
 __all__ = [
+    "PROCESSES",
     "BehaviourSettings",
     "BusSettings",
     "CameraSettings",

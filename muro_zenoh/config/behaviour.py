@@ -59,7 +59,7 @@ def make_behaviour(
 
     Raises:
         ConfigError: invalid parameters, or parameters that do not fit the robot.
-        BehaviourError: a function named in the parameters cannot be loaded.
+        BehaviourError: a function named in the parameters cannot be loaded, or raises an exception.
     """
     checked = read_parameters(kind, parameters, where)
     try:
@@ -113,7 +113,9 @@ def check_behaviour(name: str, parameters: Mapping[str, Any], where: str | Origi
             for vehicle in fleet:
                 make_behaviour(kind, parameters, vehicle, origin)
         except BehaviourError as error:
-            raise ConfigError(origin.at(_PATH), got=str(error), expected="a function that can be loaded") from None
+            raise ConfigError(
+                origin.at(_PATH), got=str(error), expected="a function that can be loaded and called"
+            ) from None
 
 
 def _find(name: str, origin: Origin) -> BehaviourKind | OwnBehaviour:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from muro_zenoh.config.behaviour import check_settings
 from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.reading import config_error
 from muro_zenoh.config.sections import Scenario
-from muro_zenoh.errors import ConfigError
+from muro_zenoh.errors import ConfigError, ParameterError
+from muro_zenoh.planning.destination import require_inside
 
 
 def check_feasible(s: Scenario, origin: Origin) -> None:
@@ -53,15 +55,11 @@ def _check_tags(s: Scenario, origin: Origin) -> None:
 
 
 def _check_goals(s: Scenario, origin: Origin) -> None:
-    a = s.arena
     for name, goals in s.goals.items():
         if name not in s.robot:
             continue  # a run may have fewer robots than the file has goals for
-        body = s.robot[name].radius
         for index, (x, y, *_) in enumerate(goals):
-            if not a.shrunk(body).holds(x, y):
-                raise ConfigError(
-                    origin.at(f"goals.{name}[{index}]"),
-                    got=f"({x:g}, {y:g})",
-                    expected=f"a position inside the arena, at least {body:g} m (the robot's radius) from its border",
-                )
+            try:
+                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.robot[name].radius)
+            except ParameterError as error:
+                raise config_error(error, origin, "") from None

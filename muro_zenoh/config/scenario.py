@@ -31,6 +31,9 @@ from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
 
+PROCESSES: Final = ("muro", "router", "simulator", "basestation")
+"""The names of the processes of a run that are not agents. An agent's is its robot's, so no robot has one of these."""
+
 _SECTIONS: Final[dict[str, Any]] = {
     "arena": ARENA,
     "circle": CIRCLE,
@@ -120,6 +123,16 @@ def _name(name: str, origin: Origin, path: str) -> str:
     return name
 
 
+def _robot_name(name: str, origin: Origin) -> str:
+    if name in PROCESSES:
+        raise ConfigError(
+            origin.at(f"robot.{name}"),
+            got="the name of one of our own processes",
+            expected=f"another name than {', '.join(PROCESSES)}",
+        )
+    return _name(name, origin, f"robot.{name}")
+
+
 def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dict[str, RobotSettings]:
     common = dict(_table(table, "all", origin))
     if "tag" in common:
@@ -133,7 +146,7 @@ def _robots(table: Mapping[str, Any], origin: Origin, wanted: int | None) -> dic
     if given and wanted is not None and wanted > len(given):
         raise ConfigError("--robots", got=str(wanted), expected=f"at most {len(given)}, the robots in {origin.file}")
     robots = {
-        _name(key, origin, f"robot.{key}"): read_section(
+        _robot_name(key, origin): read_section(
             RobotSettings, {**common, **read_table(value, origin, f"robot.{key}")}, origin, f"robot.{key}"
         )
         for key, value in (given or numbered_robots(table, origin, wanted)).items()

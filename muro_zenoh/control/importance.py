@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from muro_zenoh.elementwise import Array, Scalar
-from muro_zenoh.errors import ParameterError
+from muro_zenoh.errors import BehaviourError, ParameterError
 from muro_zenoh.geometry import TWO_PI
 
 CELLS = 720
@@ -45,11 +45,18 @@ class Importance:
 
         Raises:
             ParameterError: a weight is not a finite number above 0.
+            BehaviourError: the function raised an exception, or returned what is not a number.
         """
         weights = []
         for k in range(CELLS):
             angle = TWO_PI * k / CELLS
-            weights.append(_positive(float(weight(angle)), "importance", f" at angle {angle:.4f} rad"))
+            try:
+                value = float(weight(angle))
+            except (Exception, SystemExit) as error:
+                raise BehaviourError(
+                    f"importance: got {error!r} at angle {angle:.4f} rad, expected a finite number above 0"
+                ) from error
+            weights.append(_positive(value, "importance", f" at angle {angle:.4f} rad"))
         return cls._normalised(weights)
 
     @classmethod

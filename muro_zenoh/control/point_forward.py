@@ -1,4 +1,4 @@
-"""Point-forward steering to an angle and to a goal, and a PID that steers to an angle for comparison.
+"""Point-forward steering to an angle and to a goal.
 
 A unicycle cannot move sideways, but the point ``l`` ahead of its axle can move in any direction: command that point to
 move at ``V`` in the direction ``phi``, and speed and turning rate follow, with ``l`` the only parameter (seed 001,
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Final, NamedTuple
 
 from muro_zenoh.elementwise import Scalar, of
-from muro_zenoh.geometry import STILL, Pose2, Twist2, wrap_to_pi
-from muro_zenoh.quantities import Length, NotNegative, Quantity, Speed, TurningRate, check_quantities
+from muro_zenoh.geometry import STILL, Pose2, Twist2
+from muro_zenoh.quantities import Length, Quantity, Speed, check_quantities
 
 REVERSE_LIMIT: Final = 0.75 * math.pi
 """The limit on reversing that seed 001 suggests: 3 pi / 4."""
@@ -138,73 +138,3 @@ def turning_gain(wheel_base: float, ahead: float) -> float:
         ahead: l, how far ahead of the axle the steered point is [m].
     """
     return wheel_base / (2.0 * ahead)
-
-
-@dataclass(frozen=True, slots=True)
-class PidGains:
-    """Gains of :func:`pid_to_angle`.
-
-    Args:
-        kp: proportional [1/s].
-        ki: integral [1/s^2].
-        kd: derivative, on the measured heading [-].
-        omega_max: limit of the turning rate [rad/s], above 0; anti-windup works against it.
-
-    Raises:
-        ParameterError: a negative gain or a limit not above 0.
-    """
-
-    kp: Annotated[float, Quantity("1/s", at_least=0.0)] = 3.0
-    ki: Annotated[float, Quantity("1/s^2", at_least=0.0)] = 0.5
-    kd: NotNegative = 0.1
-    omega_max: TurningRate = 1.0
-
-    def __post_init__(self) -> None:
-        check_quantities(self)
-
-
-class PidState(NamedTuple):
-    """The state of :func:`pid_to_angle`.
-
-    Args:
-        integral: the integral part of the turning rate [rad/s].
-        theta: the previous measured heading [rad]; None at first.
-    """
-
-    integral: float = 0.0
-    theta: float | None = None
-
-
-def pid_to_angle(theta: float, phi: float, dt: float, state: PidState, gains: PidGains) -> tuple[float, PidState]:
-    """Turning rate that turns the robot to an angle, by PID; the speed is left to the caller.
-
-    ::
-
-        alpha = wrap(phi - theta)
-        omega = kp alpha + integral(ki alpha) - kd (d theta / dt)
-
-    The derivative is on the measurement, so that a new goal causes no kick. Anti-windup: while the rate is at its limit
-    the integral does not grow further in that direction.
-
-    Args:
-        theta: measured heading [rad].
-        phi: the heading to reach [rad].
-        dt: time since the last call [s], above 0.
-        state: from the previous call; ``PidState()`` at first.
-        gains: the gains.
-
-    Returns:
-        ``omega`` [rad/s] within its limit, and the next state.
-
-    Source: the PID go-to-angle that seed 001 compares with (section 5.4.2).
-    """
-    alpha = wrap_to_pi(phi - theta)
-    rate = 0.0 if state.theta is None else wrap_to_pi(theta - state.theta) / dt
-    direct = gains.kp * alpha - gains.kd * rate
-    integral = state.integral + gains.ki * alpha * dt
-    asked = direct + integral
-    omega = min(max(asked, -gains.omega_max), gains.omega_max)
-    if asked != omega and (asked > omega) == (alpha > 0.0):
-        integral = state.integral
-        omega = min(max(direct + integral, -gains.omega_max), gains.omega_max)
-    return omega, PidState(integral, theta)

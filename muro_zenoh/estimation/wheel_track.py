@@ -26,6 +26,8 @@ _INSTANT = 1e-9
 _SILENCE = 0.5
 """In a gap between knots that is longer than this, the wheels are taken to have stopped after it: the base's command
 timeout has stopped them [s]."""
+_AT_REST = 1e-6
+"""Slower wheels are at rest under a command of zero [m/s], [rad/s]."""
 _MOST_KNOTS = 512
 _MOST_COMMANDS = 64
 
@@ -186,7 +188,10 @@ class WheelTrack:
                 i += 1
             if t >= expires - _INSTANT:
                 v_cmd, omega_cmd, expires = 0.0, 0.0, math.inf
-            t1 = min(end, t + LONGEST_ARC, expires, commands[i][0] if i < len(commands) else math.inf)
+            known = commands[i][0] if i < len(commands) else math.inf
+            rests = v_cmd == omega_cmd == 0.0 and abs(v) < _AT_REST and abs(omega) < _AT_REST
+            # At rest one step does: after hours of suspend they would be hundreds of thousands.
+            t1 = min(end, math.inf if rests else t + LONGEST_ARC, expires, known)
             v, omega = step_wheels(v, omega, v_cmd, omega_cmd, self._limits, t1 - t)
             t = t1
             steps.append((t, v, omega))

@@ -8,6 +8,7 @@ from msgspec import Meta, field
 
 from muro_zenoh import geometry
 from muro_zenoh.messages.base import Message, Name, Value
+from muro_zenoh.quantities import LEAST
 
 
 class Goal(Message, frozen=True, kw_only=True):
@@ -23,7 +24,7 @@ class Circle(Message, frozen=True, kw_only=True):
 
     x: float
     y: float
-    radius: Annotated[float, Meta(gt=0)]
+    radius: Annotated[float, Meta(ge=LEAST)]
     clockwise: bool = False
     revision: Annotated[int, Meta(ge=0)] = 0
 
@@ -69,8 +70,11 @@ class Health(Message, frozen=True, kw_only=True):
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
         failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
+        behaviour_revision: the revision of the newest order of a behaviour that was obeyed; ``failure`` is about it.
         stop_latched: a stop is latched.
         stop_all: the latched stop was one to all robots.
+        stop_names: the robots that the stop orders name that were received; the others remember it for a robot whose
+            agent restarts.
         stop_revision: the newest revision of the stop order that was received.
     """
 
@@ -80,8 +84,10 @@ class Health(Message, frozen=True, kw_only=True):
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
     failure: str = ""
+    behaviour_revision: int = 0
     stop_latched: bool = False
     stop_all: bool = False
+    stop_names: tuple[Name, ...] = ()
     stop_revision: int = 0
 
 
@@ -90,7 +96,7 @@ class SetCircle(Message, frozen=True, kw_only=True):
 
     x: float | None = None
     y: float | None = None
-    radius: Annotated[float, Meta(gt=0)] | None = None
+    radius: Annotated[float, Meta(ge=LEAST)] | None = None
     clockwise: bool | None = None
 
 

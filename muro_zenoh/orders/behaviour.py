@@ -41,13 +41,14 @@ async def set_behaviour(bus: Bus, order: SetBehaviour) -> BehaviourResult:
     reports = bus.every(channels.HEALTH, "*", depth=256)
     reply = await bus.ask(channels.SET_BEHAVIOUR, order)
     refusals: dict[str, str] = {}
-    # Only a function of the user's own may be missing on a robot.
-    if not reply.accepted or ":" not in order.behaviour:
+    if not reply.accepted:
         return BehaviourResult(reply, refusals)
+    failed = f"behaviour {order.behaviour}:"
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_REFUSAL_TIMEOUT):
             async for report in reports:
-                for reason in report.message.reasons:
-                    if reason.startswith(f"behaviour {order.behaviour}:"):
-                        refusals.setdefault(report.name, reason)
+                health = report.message
+                # An older report, which is kept, may be about the failure of an earlier order.
+                if health.behaviour_revision >= reply.revision and health.failure.startswith(failed):
+                    refusals.setdefault(report.name, health.failure)
     return BehaviourResult(reply, refusals)

@@ -6,29 +6,11 @@ import math
 
 import numpy as np
 
-from muro_zenoh.errors import PlanningError
+from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
+from muro_zenoh.planning.destination import require_inside
 from muro_zenoh.planning.dubins import WORDS, Word, all_words, path_of
 from muro_zenoh.planning.path import Path
-
-
-def require_goal_inside(goal: Pose2, bounds: Bounds, margin: float = 0.0) -> None:
-    """Refuse a goal that a robot cannot reach.
-
-    Args:
-        goal: the goal [world].
-        bounds: the arena.
-        margin: distance that the robot's centre keeps from the walls [m].
-
-    Raises:
-        PlanningError: the goal is outside; the message has the goal and the limits.
-    """
-    inside = bounds.shrunk(margin)
-    if not inside.holds(goal.x, goal.y):
-        keep = f", {margin:g} m from the walls" if margin else ""
-        raise PlanningError(
-            f"goal ({goal.x:.3f}, {goal.y:.3f}) m is outside the arena: expected {inside}{keep}. Choose a goal inside"
-        )
 
 
 def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None:
@@ -65,7 +47,10 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
     Raises:
         PlanningError: the goal is outside, or every word leaves the arena; the message is that of the shortest.
     """
-    require_goal_inside(goal, bounds, margin)
+    try:
+        require_inside("goal", goal.x, goal.y, bounds, margin)
+    except ParameterError as error:
+        raise PlanningError(str(error)) from None
     inside = bounds.shrunk(margin)
     # A robot that is nearer to a wall than the margin must be able to drive away from it.
     room = Bounds(

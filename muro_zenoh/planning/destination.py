@@ -1,20 +1,59 @@
-"""A goal, and the heading to arrive with when the goal specifies none."""
+"""A goal, whether a robot can be there, and the heading to arrive with when the goal specifies none."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Annotated
 
-from muro_zenoh.geometry import Pose2
+from muro_zenoh.errors import ParameterError
+from muro_zenoh.geometry import Bounds, Pose2
+from muro_zenoh.quantities import Coordinate, Quantity, check_quantities
 
 
-class Destination(NamedTuple):
-    """Where to go: ``x``, ``y`` [m, world], and ``theta``, the heading to arrive with [rad], None when it does not
-    matter."""
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Where to go.
 
-    x: float
-    y: float
-    theta: float | None = None
+    Args:
+        x: of the position [m, world].
+        y: of the position [m, world].
+        theta: the heading to arrive with [rad]; None when it does not matter.
+
+    Raises:
+        ParameterError: a number that is not finite.
+    """
+
+    x: Coordinate
+    y: Coordinate
+    theta: Annotated[float, Quantity("rad")] | None = None
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+
+def require_inside(what: str, x: float, y: float, bounds: Bounds, margin: float = 0.0) -> None:
+    """Refuse a goal that a robot cannot reach.
+
+    Args:
+        what: names the goal in the error.
+        x: the goal [m, world].
+        y: the goal [m, world].
+        bounds: the arena.
+        margin: distance that the robot's centre keeps from the border [m], such as the robot's radius.
+
+    Raises:
+        ParameterError: the goal is outside the arena, or too near its border.
+    """
+    inside = bounds.shrunk(margin)
+    if not inside.holds(x, y):
+        near, keep = (" or too near its border", f", {margin:g} m inside the border") if margin else ("", "")
+        raise ParameterError(
+            what,
+            got=f"({x:g}, {y:g}), outside the arena{near}",
+            expected=f"{inside}{keep}",
+            hint="Choose a goal inside.",
+        )
 
 
 def goal_heading(pose: Pose2, x: float, y: float) -> float:

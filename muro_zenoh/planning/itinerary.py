@@ -17,6 +17,7 @@ class Itinerary:
     Attributes:
         current: the goal now; None between two goals and at the end.
         reached: how many have been reached.
+        given_up: which goal was given up last, and why; empty since one was reached or ordered.
     """
 
     def __init__(self, goals: Sequence[Destination] = (), pause: float = 0.0) -> None:
@@ -25,7 +26,7 @@ class Itinerary:
         self._left = list(goals)
         self._pause = pause
         self._next_at = float("-inf")
-        self._given_up = ""
+        self.given_up = ""
 
     def begin_next(self, now: float) -> bool:
         """Make the next goal of the list the current one when it is due; True when it did.
@@ -44,7 +45,7 @@ class Itinerary:
         Args:
             goal: the new goal.
         """
-        self.current, self._left, self._given_up = goal, [], ""
+        self.current, self._left, self.given_up = goal, [], ""
 
     def arrive(self, now: float) -> None:
         """Mark the current goal as reached.
@@ -52,7 +53,7 @@ class Itinerary:
         Args:
             now: the time [s].
         """
-        self.current, self._given_up = None, ""
+        self.current, self.given_up = None, ""
         self.reached += 1
         self._next_at = now + self._pause
 
@@ -64,15 +65,15 @@ class Itinerary:
             reason: why.
         """
         if self.current is not None:
-            self._given_up = f"goal ({self.current.x:g}, {self.current.y:g}) given up: {reason}"
+            self.given_up = f"goal ({self.current.x:g}, {self.current.y:g}) given up: {reason}"
         self.current = None
         self._next_at = now + self._pause
 
     @property
     def waiting(self) -> str:
         """Why there is no current goal."""
-        if self._given_up:
-            return self._given_up
+        if self.given_up:
+            return self.given_up
         if self._left:
             return f"at goal {self.reached}, pausing before the next"
         return "all goals reached" if self.reached else "no goal"

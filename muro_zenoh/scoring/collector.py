@@ -14,7 +14,7 @@ from muro_zenoh.geometry import Circle, Pose2
 from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
-from muro_zenoh.scoring.expectations import expectations_of
+from muro_zenoh.scoring.expectations import expectation_of
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.reports import AgentReports, SimulatorReports, keep_newest
 from muro_zenoh.scoring.sheet import ProcessUse
@@ -61,7 +61,7 @@ class Collector:
         self._commands = (
             bus.every(channels.CMD_VEL, "*", depth=4096) if scenario.checks.command_ratio is not None else None
         )
-        self.expected = expectations_of(scenario)
+        self.expected = expectation_of(scenario)
         self._planned: dict[str, list[Planned]] = {name: [] for name in scenario.robots}
         self._command_ratio: float | None = None
         self._agents = AgentReports()

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, NamedTuple
 
-from muro_zenoh.geometry import Bounds
-from muro_zenoh.planning.coverage import Density, Point, coverage_cost, lloyd_step
+from muro_zenoh.behaviours.interface import Deployment
+from muro_zenoh.planning.coverage import Point, coverage_cost, lloyd_step
 from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body
 from muro_zenoh.scoring.rows import Row, Table
 
@@ -20,20 +20,6 @@ _CONVERGED: Final = 1e-4
 """Lloyd's algorithm is iterated until no site moves further than this [m]."""
 
 _MAX_STEPS: Final = 2000
-
-
-class Deployment(NamedTuple):
-    """The task of robots that cover a floor.
-
-    Attributes:
-        floor: the floor to cover.
-        density: the density over the floor; None for uniform.
-        hold_time: how long all robots are stationary before a round ends [s].
-    """
-
-    floor: Bounds
-    density: Density | None
-    hold_time: float
 
 
 class Deployed(NamedTuple):

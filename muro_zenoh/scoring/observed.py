@@ -11,7 +11,7 @@ from muro_zenoh.geometry import Circle
 from muro_zenoh.planning.path import Path
 
 if TYPE_CHECKING:
-    from muro_zenoh.scoring.expectations import Expectations
+    from muro_zenoh.behaviours.interface import Expectation
     from muro_zenoh.scoring.sheet import ProcessUse
 
 SAMPLE_PERIOD: Final = 0.1
@@ -124,7 +124,7 @@ class Observed:
     scenario: str
     robots: tuple[str, ...]
     duration: float
-    expected: Expectations
+    expected: Expectation
     seed: int | None = None
     ended: str = "duration"
     samples: Sequence[Sample] = ()

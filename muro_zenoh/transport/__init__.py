@@ -18,6 +18,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.bus import Bus, make_bus
+from muro_zenoh.transport.link import Closable
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.memory_link import MemoryNetwork
 from muro_zenoh.transport.publisher import Publisher
@@ -26,6 +27,7 @@ from muro_zenoh.transport.tap import Roster, Sample, Tap
 
 __all__ = [
     "Bus",
+    "Closable",
     "Counters",
     "Every",
     "Latest",

@@ -9,8 +9,9 @@ _SPANS spans of time in a row, each with a message, and each counted at its late
 
 * It falls to what all of these came up to. A stamp so far ahead that no way through could have shrunk by that much is
   not believed until then; it may be a clock that was set forward.
-* It rises, besides the little that clocks drift, only when stamps have gone back and the messages since agree with each
-  other: a clock was set back. Lateness alone never makes it rise, however long it lasts.
+* It rises by the little that clocks drift, and only while messages come so close to it that drift explains them.
+  Otherwise it rises only when stamps have gone back and the messages since agree with each other: a clock was set back.
+  Lateness alone never makes it rise, however long it lasts.
 """
 
 from __future__ import annotations
@@ -19,8 +20,19 @@ import math
 
 _HALF_WINDOW = 30.0
 
-_DRIFT = 0.03
-"""Two clocks part by at most so much in half a minute [s]: a thousandth, ten times what quartz does."""
+_DRIFT = 200e-6
+"""Two clocks part no faster than this [s/s]: twice the 100 ppm of two poor crystals, 6 ms in half a minute. Lateness
+that grows as slowly cannot be told from drift, so this is also the fastest that it can creep in."""
+
+_MOST_DRIFT = 0.1
+"""... nor farther than this during one silence [s]. A writer that has been silent for an hour may come back on a slow
+path; what is taken for drift must stay well below the age at which poses and commands are stale."""
+
+_NEAR = 0.03
+"""A half minute whose quickest messages are later than the least by more than this is late, and has not drifted [s]. It
+has to cover the drift that could not be followed during a few late half minutes (3 ms each at 100 ppm), and what the
+quickest of 600 messages on Wi-Fi vary by, a few milliseconds. A path longer by less is taken in, and matters to nobody.
+"""
 
 _MOST_WRITERS = 4
 
@@ -97,7 +109,18 @@ class _Window:
     midst of a backlog, is corrected by the first message that is quicker.
     """
 
-    __slots__ = ("_began", "_least", "_newer", "_newest", "_older", "_span_began", "_spans", "_went_back", "confirmed")
+    __slots__ = (
+        "_began",
+        "_drift",
+        "_least",
+        "_newer",
+        "_newest",
+        "_older",
+        "_span_began",
+        "_spans",
+        "_went_back",
+        "confirmed",
+    )
 
     def __init__(self, began: float) -> None:
         self.confirmed = False
@@ -105,7 +128,8 @@ class _Window:
         self._newer = math.inf
         self._older = math.inf
         self._least = math.inf  # of both buckets
-        self._newest = -math.inf  # stamp
+        self._drift = 0.0  # what the clocks may have parted by from the older bucket to the newer one
+        self._newest = -math.inf  # stamp of a message on time
         self._went_back = False
         self._spans: list[tuple[float, float]] = []  # least and greatest offset
         self._span_began = -math.inf
@@ -113,13 +137,12 @@ class _Window:
     def observe(self, stamp: float, arrival: float) -> float:
         """The least offset before this message, which is taken into account [s]; of the first one its own."""
         offset = arrival - stamp
+        new_span = arrival - self._span_began >= _SPAN
+        if new_span:
+            self._learn()  # before the turn: what was learned before a silence says nothing about the time since
         if arrival - self._began > _HALF_WINDOW:
-            # Clocks drift, so the least may rise; but no more than they do. A way that grew two seconds longer, a radio
-            # link with full buffers, stays late and does not become the measure of what is quick.
-            self._older, self._newer = min(self._newer, self._least + _DRIFT), math.inf
-            self._least, self._began = self._older, arrival
-        if arrival - self._span_began >= _SPAN:
-            self._learn()
+            self._turn(arrival)
+        if new_span:
             self._span_began = arrival
             self._spans.append((offset, offset))
             del self._spans[:-_SPANS]
@@ -129,13 +152,33 @@ class _Window:
         least = self._least
         if not self.confirmed and offset < least:
             self._newer = self._least = least = offset
-        if offset <= least + _AGREE:
+        on_time = offset <= least + _AGREE
+        if on_time:
             self._went_back = False
         elif stamp < self._newest - _AGREE:
             self._went_back = True
-        if offset >= least - _AGREE and stamp > self._newest:
+        elif self.confirmed and stamp > self._newest:
+            # Late, but in order: the old stamp was a message that came twice or was overtaken. A clock that was set
+            # back stays behind.
+            self._went_back = False
+        # In a backlog nothing has gone back when one message overtakes others.
+        if offset >= least - _AGREE and stamp > self._newest and (on_time or not self.confirmed):
             self._newest = stamp
         return least
+
+    def _turn(self, arrival: float) -> None:
+        """Half a minute is over, and the bucket of the one before it is forgotten.
+
+        Clocks drift, so the least may rise; but by no more than they do, and only when the messages are near it. On a
+        way that grew two seconds longer, a radio link with full buffers, they stay late, and do not become the measure
+        of what is quick, neither at once nor by small steps.
+        """
+        if self._newer > self._least + self._drift + _NEAR:
+            self._older = self._least
+        else:
+            self._older = min(self._newer, self._least + self._drift)
+        self._drift = min(_DRIFT * (arrival - self._began), _MOST_DRIFT)
+        self._least, self._newer, self._began = self._older, math.inf, arrival
 
     def _learn(self) -> None:
         """From the spans that have passed."""

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from muro_zenoh.behaviours import table
-from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind
+from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Deployment
 from muro_zenoh.config import Scenario, find_scenario, make_behaviour, read_parameters
 from muro_zenoh.control.circle import CircleLaw
 from muro_zenoh.planning.density import Peaks
 from muro_zenoh.scoring.density import density_error
-from muro_zenoh.scoring.deployment import Deployed, Deployment, score_deployment
+from muro_zenoh.scoring.deployment import Deployed, score_deployment
 from muro_zenoh.scoring.goals import score_goals, score_tracking
 from muro_zenoh.scoring.observed import Body, Moment, Planned
 from muro_zenoh.simulation.rollout.behave import BehaviourRun, run_behaviours

@@ -7,8 +7,9 @@ import math
 from collections.abc import Callable
 
 from muro_zenoh import channels
+from muro_zenoh.behaviours.interface import Deployment
 from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour, Stop
-from muro_zenoh.scoring.deployment import Deployment, score_deployment
+from muro_zenoh.scoring.deployment import score_deployment
 from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Bus
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario

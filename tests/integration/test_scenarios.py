@@ -72,7 +72,7 @@ def test_goals_of_a_list_are_reached_and_an_operator_s_are_answered(
         assert (order.returncode, order.stdout) == (0, "r2: accepted\n"), order.stderr
         order = muro("goal", "r2", "-5", "0.5", *there)
         assert order.returncode == 1
-        assert "r2: refused: goal (-5.000, 0.500) m is outside the arena" in order.stdout
+        assert "r2: refused: goal: got (-5, 0.5), outside the arena" in order.stdout
         order = muro("goal", "r9", "0", "0", *there)
         assert order.returncode == 1
         assert "r9 is not alive; the robots that are: r1, r2" in order.stderr

@@ -119,6 +119,69 @@ def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
     run_virtually(main())
 
 
+def test_a_stop_without_a_base_station_outlives_the_restart_of_the_agent_that_it_stopped() -> None:
+    """The other agents remember it, and report it to the base station when that is back."""
+
+    async def main() -> None:
+        async with driving(2) as fleet:
+            await fleet.end_station()
+            operator = await fleet.bus(Role.OPERATOR)
+            result = await stop_robots(operator, ("r1",))
+            assert (result.reply, result.confirmed) == (None, True)
+            await operator.close()
+            fleet.agents["r1"].cancel()
+            await asyncio.wait({fleet.agents["r1"]})
+            await fleet.start_agent("r1")
+            await asyncio.sleep(1.0)
+            assert not fleet.healths["r1"].stop_latched  # it has forgotten it
+            commands = await commands_of(fleet)
+            await fleet.start_station()
+            await fleet.until(lambda: fleet.driving == {"r2"}, 3, "r2 drives on")
+            await asyncio.sleep(2.0)
+            assert fleet.station.store.stop.names == ("r1",)
+            assert {(c.message.v, c.message.omega) for c in commands.drain()} == {(0.0, 0.0)}
+            assert (await resume_robots(await fleet.bus(Role.OPERATOR), ())).reply.accepted
+            await fleet.until(lambda: fleet.driving == {"r1", "r2"}, 1, "both drive")
+            await asyncio.sleep(2.0)
+            assert fleet.driving == {"r1", "r2"}
+
+    run_virtually(main())
+
+
+def test_a_stop_is_taken_though_the_state_before_it_is_repeated_in_the_same_moment() -> None:
+    """By the base station, which has not received it yet: no order may displace another one unread."""
+
+    async def main() -> None:
+        async with driving() as fleet:
+            operator, station = await fleet.bus(Role.OPERATOR), await fleet.bus(Role.BASESTATION)
+            orders, repetitions = operator.publisher(channels.STOP), station.publisher(channels.STOP)
+            before = fleet.kept.stop
+            orders.put(StopOrder(all=True, revision=before.revision))
+            repetitions.put(before)
+            await asyncio.sleep(0.01)
+            assert fleet.healths["r1"].stop_latched
+            assert fleet.driving == set()
+
+    run_virtually(main())
+
+
+def test_the_revision_of_an_order_that_only_a_robot_has_received_comes_to_the_base_station() -> None:
+    """Else no resume would be newer than what the robot knows."""
+
+    async def main() -> None:
+        async with driving() as fleet:
+            operator = await fleet.bus(Role.OPERATOR)
+            operator.publisher(channels.STOP).put(StopOrder(all=False, names=("r1",), revision=40))
+            await asyncio.sleep(0.1)
+            assert fleet.kept.stop.names == ("r1",)
+            assert fleet.kept.stop.revision > 40
+            assert fleet.healths["r1"].stop_revision == fleet.kept.stop.revision
+            assert (await resume_robots(operator, ())).still_stopped == ()
+            await fleet.until(lambda: len(fleet.driving) == 1, 0.5, "it drives")
+
+    run_virtually(main())
+
+
 def test_a_hold_is_zero_at_once(own: None) -> None:
     async def main() -> None:
         async with driving(behaviour="lab_stops:on_and_off") as fleet:

@@ -132,14 +132,24 @@ class MemoryFleet:
         self._looking = looking = await self.bus()
         self._healths = looking.latest(channels.HEALTH, "*")
         self._states = looking.latest(channels.BASE, "*")
-        self._station_bus = await self.bus(Role.BASESTATION)
-        self.station = Station(self._station_bus, self.scenario, None, [self.camera])
-        self._station_bus.announce(Role.BASESTATION, "basestation")
-        self._tasks.create_task(self.station.run(), name="base station")
+        await self.start_station()
         room = await self.bus(Role.SIMULATOR, Role.BASE)
         wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(self.scenario.robots)}
         self._tasks.create_task(run_bases(room, wheels, self.clock), name="bases")
         await asyncio.sleep(0)  # from now on the base station answers
+
+    async def start_station(self) -> None:
+        """Start a base station, with the scenario's state."""
+        self._station_bus = await self.bus(Role.BASESTATION)
+        self.station = Station(self._station_bus, self.scenario, None, [self.camera])
+        self._station_bus.announce(Role.BASESTATION, "basestation")
+        self._station_task = self._tasks.create_task(self.station.run(), name="base station")
+
+    async def end_station(self) -> None:
+        """End the base station."""
+        self._station_task.cancel()
+        await asyncio.wait({self._station_task})
+        await self._station_bus.close()
 
     async def bus(self, *roles: Role) -> Bus:
         """A bus, as of another process; by default with every role."""

@@ -19,9 +19,11 @@ class Driven:
         self.wheels = Wheels()
         self.base = Base("r1", self.wheels)
 
-    def obey(self, at: float, v: float = 0.2, *, late: float = 0.0, epoch: int = 7) -> tuple[float, float] | None:
+    def obey(
+        self, at: float, v: float = 0.2, *, late: float = 0.0, epoch: int = 7, seq: int = 0
+    ) -> tuple[float, float] | None:
         """What the wheels are set to, after a command that came at a time, and had waited before."""
-        command = VelocityCommand(v=v, omega=0.1, epoch=epoch)
+        command = VelocityCommand(v=v, omega=0.1, epoch=epoch, seq=seq)
         self.base.obey(Received("r1", command, T0 + at, late, 0.0), T0 + at)
         return self.wheels.now
 
@@ -85,6 +87,56 @@ def test_a_beat_while_all_is_well_commands_nothing() -> None:
     for k in range(10):
         driven.beat(0.02 * k)
     assert len(driven.wheels.commanded) == before
+
+
+# ---- one writer, out of order
+
+ZEROED = (0.0, 0.1)
+
+
+@pytest.mark.parametrize("seq", [1, 11, 12])
+def test_a_command_that_a_later_one_overtook_is_ignored_and_counted(seq: int, caplog: pytest.LogCaptureFixture) -> None:
+    driven = Driven()
+    driven.obey(0.0, seq=10)
+    assert driven.obey(0.1, v=0.0, seq=12) == ZEROED
+    assert driven.base.overtaken == 0
+    for _ in range(3):
+        assert driven.obey(0.15, late=0.1, seq=seq) == ZEROED
+    assert driven.base.overtaken == 3
+    assert caplog.text.count("expected them in order") == 1
+    assert driven.obey(0.2, seq=13) == DRIVING
+
+
+def test_an_overtaken_command_does_not_keep_the_wheels_turning() -> None:
+    driven = Driven()
+    driven.obey(0.0, seq=12)
+    driven.obey(0.2, seq=11)
+    assert driven.beat(0.31) == STILL
+
+
+@pytest.mark.parametrize(("later", "obeyed"), [(0.29, False), (0.31, True)])
+def test_a_wrong_number_locks_its_writer_out_no_longer_than_its_command_lasts(later: float, obeyed: bool) -> None:
+    driven = Driven()
+    driven.obey(0.0, v=0.0, seq=2**40)
+    assert driven.obey(later, seq=5) == (DRIVING if obeyed else ZEROED)
+    if obeyed:
+        assert driven.obey(later + 0.05, seq=6) == DRIVING
+
+
+def test_commands_without_a_number_are_all_obeyed() -> None:
+    driven = Driven()
+    assert driven.obey(0.0, v=0.0) == ZEROED
+    assert driven.obey(0.1) == DRIVING
+    assert driven.obey(0.15, v=0.0, seq=9) == ZEROED
+    assert driven.obey(0.2) == DRIVING
+
+
+def test_a_writer_that_starts_again_counts_from_one() -> None:
+    driven = Driven()
+    driven.obey(0.0, seq=500)
+    assert driven.obey(0.31, epoch=8, seq=1) == DRIVING
+    assert driven.obey(0.36, epoch=8, seq=2) == DRIVING
+    assert driven.base.overtaken == 0
 
 
 # ---- two writers

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +17,7 @@ from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.behaviours.interface import BehaviourKind
 from muro_zenoh.behaviours.table import OwnBehaviour
 from muro_zenoh.config import check_behaviour, check_settings, parse_scenario
+from muro_zenoh.control.circle import circle_law
 from muro_zenoh.errors import BehaviourError, ConfigError
 from muro_zenoh.geometry import Circle
 
@@ -126,12 +129,16 @@ def test_a_function_named_in_settings_is_loaded() -> None:
         ("circle", {"law": "magic"}, ["lab.toml: behaviour.law", "'magic'", "vector_field"]),
         ("dubins", {"v_min": 0.5}, ["lab.toml: behaviour", "v_min", "v_max"]),
         ("dubins", {"v_min": 0.6, "v_max": 0.7}, ["lab.toml: behaviour.v_min", "at most the v_max of robot r1"]),
-        ("dubins", {"goals": [[9.0, 0.0]]}, ["lab.toml: behaviour.goals[0]", "(9, 0)", "inside the arena"]),
+        ("dubins", {"goals": [[9.0, 0.0]]}, ["lab.toml: behaviour.goals[0]", "(9, 0)", "outside the arena"]),
         ("steer", {"goals": [[1.0]]}, ["lab.toml: behaviour.goals[0]", "1 numbers"]),
         ("pursuit", {"pursuit": "importance"}, ["lab.toml: behaviour", "weights", "0 angles"]),
         ("pursuit", {"pursuit": "importance", "importance": "nolab:w"}, ["lab.toml: behaviour", "nolab"]),
         ("coverage", {"peaks": [[1.0, 2.0]]}, ["lab.toml: behaviour.peaks[0]", "2 numbers"]),
         ("circle", {"speed": "fast"}, ["lab.toml: behaviour.speed", "'fast'", "[m/s]"]),
+        ("circle", {"law": "lqr", "radial_size": 5e-324}, ["lab.toml: behaviour.radial_size", "5e-324", "0.001 [m]"]),
+        ("circle", {"law": "lqr", "turn_size": 5e-324}, ["lab.toml: behaviour.turn_size", "0.001 [rad/s]"]),
+        ("circle", {"law": "lqr", "heading_size": 1e-300}, ["lab.toml: behaviour.heading_size", "0.001 [rad]"]),
+        ("dubins", {"turning_radius": 1e-13}, ["lab.toml: behaviour.turning_radius", "1e-13", "0.001 [m]"]),
         ("dubins", {"v_min": -1.0}, ["lab.toml: behaviour.v_min", "-1", "above 0"]),
     ],
 )
@@ -142,6 +149,29 @@ def test_invalid_parameters_are_refused_before_anything_starts(
         refuse(name, parameters)
     for word in words:
         assert word in str(refused.value)
+
+
+@pytest.mark.parametrize("parameters", [{"turn_size": 0.001}, {"radial_size": 0.001}, {"heading_size": 1e-3}])
+def test_the_least_sizes_of_the_lqr_give_a_finite_twist(parameters: dict[str, Any]) -> None:
+    law = circle_law("lqr", **parameters)
+    for v in (0.0, 1e-9, 0.3):
+        for radius in (0.001, 0.8, 100.0):
+            assert math.isfinite(law(0.1, 0.0, 0.3, v, Circle(0.0, 0.0, radius)))
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("raise RuntimeError('no table')", r"got RuntimeError\('no table'\) at angle 0.0000 rad, expected a finite"),
+        ("raise SystemExit(2)", r"got SystemExit\(2\) at angle 0.0000 rad"),
+        ("return None", r"got TypeError\(.*\) at angle 0.0000 rad"),
+        ("return 10**400", r"got OverflowError\(.*\) at angle 0.0000 rad"),
+    ],
+)
+def test_an_importance_that_raises_is_refused_with_its_error(lab: Path, body: str, said: str) -> None:
+    module(lab, "lab_importance", f"def weight(angle):\n    {body}\n")
+    with pytest.raises(ConfigError, match=said):
+        refuse("pursuit", {"pursuit": "importance", "importance": "lab_importance:weight"})
 
 
 def test_each_circle_law_takes_its_own_gains_from_the_settings() -> None:

@@ -177,7 +177,7 @@ class TestSettings:
             OverheadCamera.from_views(WIDTH, HEIGHT, [views[0]] * 4)
 
     def test_a_tag_has_a_size(self) -> None:
-        with pytest.raises(ValueError, match=r"size: got -0\.1, expected a number above 0 \[m\]"):
+        with pytest.raises(ValueError, match=r"size: got -0\.1, expected a number at least 0.001 \[m\]"):
             TagMount(0, -0.1)
 
 

@@ -18,7 +18,7 @@ import muro_zenoh
 from muro_zenoh.cli.main import main
 from muro_zenoh.cli.options import assignments, override_bus, toml_value
 from muro_zenoh.cli.payloads import full_key, shown, type_of
-from muro_zenoh.config import BusSettings, built_in_scenarios, find_scenario, load_scenario
+from muro_zenoh.config import PROCESSES, BusSettings, built_in_scenarios, find_scenario, load_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.supervision.folder import make_run_folder, write_scenario
 from muro_zenoh.supervision.launch import fleet_specs, free_port, router_spec
@@ -123,8 +123,8 @@ def test_a_wrong_key_in_a_file() -> None:
     ("given", "said"),
     [
         ("circle.radus=1", "circle.radus: got an unknown key, expected one of x, y, radius, clockwise"),
-        ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number above 0 [m]"),
-        ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number above 0 [m]"),
+        ("circle.radius=wide", "circle.radius: got 'wide' (text), expected a number at least 0.001 [m]"),
+        ("circle.radius=-1", "circle.radius: got -1 (integer), expected a number at least 0.001 [m]"),
         ("circle.radius", "--set: got 'circle.radius', expected KEY=VALUE, such as circle.radius=0.9"),
         ("=3", "--set: got '=3', expected KEY=VALUE"),
         ("circle..x=3", "--set: got 'circle..x=3', expected KEY=VALUE"),
@@ -246,6 +246,7 @@ def test_every_process_of_a_run_is_started_by_a_command_that_parses(tmp_path: Pa
     file = write_scenario(scenario, tmp_path)
     specs = [router_spec(file), *fleet_specs(scenario, file, 7, tmp_path)]
     assert [spec.name for spec in specs] == ["router", "simulator", "basestation", "r1", "r2"]
+    assert {"muro", *(spec.name for spec in specs)} == {*PROCESSES, "r1", "r2"}, "a robot could have its name"
     context = click.Context(main, info_name="muro")
     for spec in specs:
         python, flags, (word, *words) = spec.command[0], spec.command[1:4], spec.command[4:]

@@ -179,12 +179,18 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         "lab.toml: circle.raduis: got an unknown key, expected one of x, y",
     ),
     ({"circle": {"raduis": 1.0}}, "Did you mean radius?"),
-    ({"circle": {"radius": "0.8 m"}}, "lab.toml: circle.radius: got '0.8 m' (text), expected a number above 0 [m]"),
-    ({"circle": {"radius": -1}}, "lab.toml: circle.radius: got -1 (integer), expected a number above 0 [m]"),
-    ({"circle": {"radius": True}}, "lab.toml: circle.radius: got True (boolean), expected a number above 0 [m]"),
+    (
+        {"circle": {"radius": "0.8 m"}},
+        "lab.toml: circle.radius: got '0.8 m' (text), expected a number at least 0.001 [m]",
+    ),
+    ({"circle": {"radius": -1}}, "lab.toml: circle.radius: got -1 (integer), expected a number at least 0.001 [m]"),
+    ({"circle": {"radius": True}}, "lab.toml: circle.radius: got True (boolean), expected a number at least 0.001 [m]"),
     ({"circle": {"clockwise": "no"}}, "lab.toml: circle.clockwise: got 'no' (text), expected true or false"),
     ({"circle": {"x": float("nan")}}, "lab.toml: circle.x: got nan"),
-    ({"circle": {"radius": float("inf")}}, "lab.toml: circle.radius: got inf (number), expected a number above 0 [m]"),
+    (
+        {"circle": {"radius": float("inf")}},
+        "lab.toml: circle.radius: got inf (number), expected a number at least 0.001 [m]",
+    ),
     ({"circle": 3}, "lab.toml: circle: got 3 (integer), expected a table [circle]"),
     ({"arena": {"x_min": [1]}}, "lab.toml: arena.x_min: got [1] (array), expected a number"),
     ({"robot": {"r1": {"tag": 1.5}}}, "lab.toml: robot.r1.tag: got 1.5 (number), expected a whole number at least 0"),
@@ -196,9 +202,16 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     ({"robot": {"r1": {"base": "../kobuki"}}}, "lab.toml: robot.r1.base: got '../kobuki' (text), expected text like"),
     ({"robot": {"R1": {"tag": 1}}}, "lab.toml: robot.R1: got 'R1' (text), expected text like"),
+    *(
+        (
+            {"robot": {"r1": {"tag": 1}, name: {"tag": 2}}},
+            f"lab.toml: robot.{name}: got the name of one of our own processes, expected another name than muro,",
+        )
+        for name in ("muro", "router", "simulator", "basestation")
+    ),
     ({"robot": {"r1": 4}}, "lab.toml: robot.r1: got 4 (integer), expected a table [robot.r1]"),
     ({"robot": [1]}, "lab.toml: robot: got [1] (array), expected a table [robot]"),
-    ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number above 0 [m]"),
+    ({"all": {"radius": 0}}, "lab.toml: all.radius: got 0 (integer), expected a number at least 0.001 [m]"),
     ({"all": {"tag": 3}}, "lab.toml: all.tag: got 3 (integer), expected no tag in [all]"),
     ({"robots": 0}, "lab.toml: robots: got 0 (integer), expected a whole number at least 1"),
     ({"robots": 2, "robot": {"r1": {}}}, "lab.toml: robots: got a number besides [robot.*]"),
@@ -279,8 +292,8 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
-        "lab.toml: goals.r1[1]: got (5, 0), expected a position inside the arena, at least 0.177 m (the robot's "
-        "radius) from its border",
+        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.923 to 1.923, "
+        "y -1.323 to 1.323 m, 0.177 m inside the border",
     ),
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import math
 from typing import Any
 
 import pytest
@@ -237,8 +239,13 @@ def test_a_behaviour_sees_whether_its_last_command_was_driven() -> None:
     assert [seen.may_drive for seen in behaviour.seen] == [False, False, True]
 
 
-@pytest.mark.parametrize(("revision", "stopped"), [(5, {"r3"}), (6, {"r2"}), (7, {"r2"})])
-def test_the_robots_that_stand_are_those_of_the_newest_order(revision: int, stopped: set[str]) -> None:
+@pytest.mark.parametrize(
+    ("revision", "stopped"),
+    [(0, {"r2", "r3"}), (5, {"r2", "r3"}), (6, {"r2", "r3"}), (7, {"r2"}), (2**53, {"r2", "r3"})],
+)
+def test_the_robots_that_stand_are_those_of_the_newest_order_and_of_all_that_came_since(
+    revision: int, stopped: set[str]
+) -> None:
     loop, _ = converged(Recorder())
     loop.take_stop(T0, StopOrder(all=False, names=("r3",), revision=6))
     loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=revision))
@@ -331,6 +338,81 @@ def test_fixes_their_ages_and_commands_are_counted() -> None:
     assert loop.pose_ages == [0.0, pytest.approx(0.04), pytest.approx(0.03)]
 
 
+# ---- behaviours that fail
+
+
+class Raising(Behaviour):
+    """Drives, and then raises what it is given, or wants it."""
+
+    def __init__(self, wrong: BaseException | Intent) -> None:
+        self.steps = 0
+        self._wrong = wrong
+
+    def step(self, seen: Seen) -> Intent:
+        self.steps += 1
+        if self.steps == 1:
+            return FORWARD
+        if isinstance(self._wrong, Intent):
+            return self._wrong
+        raise self._wrong
+
+
+CANNOT_BE_DRIVEN = [
+    Intent(Twist2(math.nan, 0.0)),
+    Intent(Twist2(0.0, -math.inf)),
+    FORWARD._replace(speed=1e13),
+    FORWARD._replace(cell=ShownCell(((0.0, math.nan),), 0.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ZeroDivisionError("division"),
+        SystemExit(3),
+        asyncio.CancelledError(),
+        BaseExceptionGroup("several", [SystemExit(3)]),
+        *CANNOT_BE_DRIVEN,
+    ],
+)
+def test_a_behaviour_that_fails_in_its_step_holds_and_is_not_stepped_again(wrong: BaseException | Intent) -> None:
+    failures: list[BaseException] = []
+
+    def on_failure(error: BaseException) -> str:
+        failures.append(error)
+        return "it has failed"
+
+    loop, behaviour = ControlLoop("r1", ROBOT), Raising(wrong)
+    loop.take_stop(T0 - 1.0, StopOrder(all=False, revision=5))
+    loop.behave(behaviour, on_failure)
+    assert commands(loop.update(T0, [(T0, fix())], [], NOTHING)) != [(0.0, 0.0)]
+    out = loop.update(T0 + 0.05, [(T0 + 0.05, fix())], [], NOTHING)
+    assert commands(out) == [(0.0, 0.0)]
+    assert not of(channels.VELOCITY, out)
+    for k in range(2, 12):
+        loop.update(T0 + 0.05 * k, [(T0 + 0.05 * k, fix())], [], NOTHING)
+        assert loop.reasons == ("it has failed",)
+    assert behaviour.steps == 2
+    (failure,) = failures
+    assert failure is wrong or (isinstance(wrong, Intent) and isinstance(failure, ValueError))
+
+
+def test_a_failure_that_nobody_takes_is_raised() -> None:
+    loop = free(Raising(ZeroDivisionError("division")))
+    with pytest.raises(ZeroDivisionError):
+        loop.update(T0 + 0.05, [], [], NOTHING)
+
+
+@pytest.mark.parametrize("wrong", CANNOT_BE_DRIVEN)
+def test_an_intent_that_cannot_be_driven_leaves_the_one_before_in_force(wrong: Intent) -> None:
+    loop = free()
+    (before,) = commands(loop.want(T0, FORWARD))
+    with pytest.raises(ValueError, match="expected"):
+        loop.want(T0 + 0.1, wrong)
+    assert commands(loop.update(T0 + 0.24, [(T0 + 0.24, fix())], [], NOTHING)) == [pytest.approx(before, abs=0.01)]
+    assert commands(loop.update(T0 + 0.34, [(T0 + 0.34, fix())], [], NOTHING)) == [(0.0, 0.0)]
+
+
 # ---- what is refused
 
 
@@ -391,6 +473,17 @@ def test_what_has_changed_stays_so_until_it_is_reported() -> None:
     loop.take_stop(T0, stop)
     loop.take_stop(T0, stop)
     loop.update(T0 + 0.01, [], [], NOTHING)
+    assert loop.changed
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_newer_order_is_reported_at_once_even_where_it_stops_nobody(stopped: bool) -> None:
+    """The base station learns of the newer revision, and an operator of the resume, before the next command."""
+    loop = free()
+    if stopped:
+        loop.take_stop(T0, StopOrder(all=True, revision=5))
+    loop.changed = False
+    loop.take_stop(T0 + 0.01, StopOrder(all=False, revision=6))
     assert loop.changed
 
 
@@ -466,9 +559,19 @@ def test_why_a_fix_was_not_used_is_counted() -> None:
     assert loop.refused == {"fix gated": 1, "fix bad covariance": 1}
 
 
-def test_the_names_of_an_absurd_order_are_not_remembered() -> None:
+def test_the_names_of_an_absurd_order_are_forgotten_at_the_next_newer_one() -> None:
     loop = free(Forward())
-    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=2**60))
-    loop.update(T0 + 0.1, [], [], NOTHING)
-    assert loop.seen is not None
-    assert loop.seen.stopped == frozenset()
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=2**60))  # r2 obeys it, as any other
+    assert loop.stopped_names == {"r2"}
+    loop.take_stop(T0, StopOrder(all=False, revision=6))
+    assert loop.stopped_names == frozenset()
+
+
+def test_a_change_of_the_stopped_names_is_reported_at_once() -> None:
+    loop = free(Forward())
+    loop.changed = False
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=5))
+    assert loop.changed
+    loop.changed = False
+    loop.take_stop(T0, StopOrder(all=False, names=("r2",), revision=5))
+    assert not loop.changed

@@ -256,5 +256,9 @@ async def test_a_speed_for_the_behaviour_before_is_not_one_for_the_next() -> Non
         assert listener.surroundings(clock.now()).speed is None
         out.put(SpeedReference(speed=0.3))
         assert listener.surroundings(clock.now()).speed == 0.3
+        closed = listener._speed
         listener.need(frozenset())
+        out.put(SpeedReference(speed=0.4))
         assert listener.surroundings(clock.now()).speed is None
+        assert closed is not None
+        assert closed._closed

@@ -11,10 +11,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from muro_zenoh.elementwise import Array
-from muro_zenoh.errors import PlanningError
+from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
-from muro_zenoh.planning.arena import plan_after_turn, plan_inside, require_goal_inside, require_path_inside
-from muro_zenoh.planning.destination import goal_heading, goal_pose
+from muro_zenoh.planning.arena import plan_after_turn, plan_inside, require_path_inside
+from muro_zenoh.planning.destination import Destination, goal_heading, goal_pose, require_inside
 from muro_zenoh.planning.dubins import WORDS, all_words, plan, shortest_word
 from muro_zenoh.planning.path import Path, Segment
 
@@ -206,14 +206,20 @@ ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 
 def test_a_goal_outside_the_arena_is_refused_with_the_reason() -> None:
     with pytest.raises(
-        PlanningError, match=r"goal \(2\.500, 0\.000\) m is outside the arena: expected x -2\.1 to 2\.1"
+        ParameterError, match=r"goal: got \(2\.5, 0\), outside the arena, expected x -2\.1 to 2\.1, y -1\.5 to 1\.5 m"
     ):
-        require_goal_inside(Pose2(2.5, 0.0, 0.0), ARENA)
-    with pytest.raises(PlanningError, match=r"0\.177 m from the walls"):
-        require_goal_inside(Pose2(2.0, 0.0, 0.0), ARENA, 0.177)
-    with pytest.raises(PlanningError):
-        require_goal_inside(Pose2(math.nan, 0.0, 0.0), ARENA)
-    require_goal_inside(Pose2(2.1, -1.5, 0.0), ARENA)
+        require_inside("goal", 2.5, 0.0, ARENA)
+    with pytest.raises(ParameterError, match=r"too near its border.*0\.177 m inside the border"):
+        require_inside("goal", 2.0, 0.0, ARENA, 0.177)
+    with pytest.raises(ParameterError):
+        require_inside("goal", math.nan, 0.0, ARENA)
+    require_inside("goal", 2.1, -1.5, ARENA)
+
+
+@pytest.mark.parametrize("place", [(math.nan, 0.0), (0.0, math.inf), (0.0, 0.0, math.nan)])
+def test_a_goal_has_finite_numbers(place: tuple[float, ...]) -> None:
+    with pytest.raises(ParameterError, match=r": got (nan|inf), expected a number"):
+        Destination(*place)
 
 
 def test_a_path_that_leaves_the_arena_is_refused_or_replaced() -> None:

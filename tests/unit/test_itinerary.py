@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
+from muro_zenoh.behaviours.dubins import GoalRide, RideParameters
+from muro_zenoh.behaviours.interface import Seen, Vehicle
+from muro_zenoh.geometry import Bounds, State
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
 
@@ -42,8 +47,18 @@ def test_a_goal_that_is_given_up_is_named_and_the_next_one_follows() -> None:
     goals = Itinerary([A, B], pause=2.0)
     goals.begin_next(0.0)
     goals.give_up(5.0, "no path")
-    assert goals.waiting == "goal (1, 0.5) given up: no path"
+    assert goals.waiting == goals.given_up == "goal (1, 0.5) given up: no path"
     assert not goals.begin_next(6.9)
     assert goals.begin_next(7.0)
     goals.arrive(8.0)
-    assert (goals.reached, goals.waiting) == (1, "all goals reached")
+    assert (goals.reached, goals.waiting, goals.given_up) == (1, "all goals reached", "")
+
+
+@pytest.mark.parametrize(
+    ("goals", "reason"), [([], "idle"), ([Destination(9.0, 0.0)], "goal (9, 0) given up: goal: got")]
+)
+def test_a_ride_without_a_goal_shows_what_it_gave_up_before_why_it_idles(goals: list[Destination], reason: str) -> None:
+    vehicle = Vehicle("r1", 0.177, 0.4, 1.5, 0.1, Bounds(-2.0, 2.0, -1.0, 1.0))
+    ride = GoalRide(RideParameters().settings(vehicle), Itinerary(goals), "idle")
+    there = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    assert ride.step(Seen(1.0, there, there)).reason.startswith(reason)

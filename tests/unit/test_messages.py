@@ -17,6 +17,7 @@ from muro_zenoh.channels import CHANNELS, VERBS
 from muro_zenoh.errors import MessageError
 from muro_zenoh.messages import (
     Behaviour,
+    Circle,
     FleetSnapshot,
     Goal,
     Health,
@@ -24,6 +25,7 @@ from muro_zenoh.messages import (
     PoseFix,
     Reply,
     RobotState,
+    SetCircle,
     SpeedReference,
     VelocityCommand,
     check_encoding,
@@ -54,6 +56,7 @@ robots = st.builds(
 SPECIAL: dict[str, st.SearchStrategy[Any]] = {
     "name": names,
     "names": st.lists(names, max_size=3).map(tuple),
+    "stop_names": st.lists(names, max_size=3).map(tuple),
     "covariance": covariances,
     "robots": st.lists(robots, max_size=3).map(tuple),
     "parameters": st.dictionaries(st.text(max_size=8), values, max_size=3),
@@ -285,3 +288,13 @@ def test_another_encoding_is_refused_with_what_was_expected(said: str) -> None:
 
 def test_the_version_is_the_first() -> None:
     assert messages.VERSION == 1
+
+
+@pytest.mark.parametrize("kind", [Circle, SetCircle])
+def test_a_circle_of_which_no_law_can_follow_the_arc_is_refused(kind: type[Circle | SetCircle]) -> None:
+    # What passes here must pass as a circle too: an agent makes one of each message that arrives.
+    assert decode(encode(kind(stamp=1.0, x=0.0, y=0.0, radius=0.001)), kind).radius == 0.001
+    for radius in (0.000999, 5e-324, 0.0, -1.0):
+        with pytest.raises(MessageError, match=r"0\.001"):
+            decode(encode(kind(stamp=1.0, x=0.0, y=0.0, radius=radius)), kind)
+    assert Circle(x=0.0, y=0.0, radius=0.001).circle.radius == 0.001

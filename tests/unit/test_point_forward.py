@@ -1,4 +1,4 @@
-"""Point-forward steering: the page's table of wheel speeds, the point that it moves, reversing, the PID."""
+"""Point-forward steering: the page's table of wheel speeds, the point that it moves, reversing."""
 
 from __future__ import annotations
 
@@ -13,14 +13,11 @@ from muro_zenoh.arcs import advance
 from muro_zenoh.control.point_forward import (
     REVERSE_LIMIT,
     GoToGoal,
-    PidGains,
-    PidState,
-    pid_to_angle,
     steer_to_angle,
     turning_gain,
     wheel_speeds,
 )
-from muro_zenoh.geometry import Pose2, wrap_to_pi
+from muro_zenoh.geometry import Pose2
 
 ANGLES = st.floats(-math.pi, math.pi)
 
@@ -100,41 +97,3 @@ def test_go_to_goal_arrives_and_stops(reverse_from: float, x: float, y: float, t
 def test_an_invalid_goal_law_is_refused(changes: dict[str, float], what: str) -> None:
     with pytest.raises(ValueError, match=what):
         GoToGoal(**changes)
-
-
-def turn(gains: PidGains, phi: float, seconds: float, scale: float = 1.0, bias: float = 0.0) -> list[float]:
-    theta, state, headings, dt = 0.0, PidState(), [], 0.02
-    for _ in range(round(seconds / dt)):
-        omega, state = pid_to_angle(theta, phi, dt, state, gains)
-        theta = wrap_to_pi(theta + (scale * omega + bias) * dt)
-        headings.append(theta)
-    return headings
-
-
-@given(phi=ANGLES)
-def test_the_pid_turns_to_the_angle(phi: float) -> None:
-    assert abs(wrap_to_pi(turn(PidGains(), phi, 15.0)[-1] - phi)) < 0.02
-
-
-def test_the_integral_removes_a_constant_drift() -> None:
-    assert abs(turn(PidGains(), 1.0, 40.0, bias=0.2)[-1] - 1.0) < 1e-3
-    assert abs(turn(PidGains(ki=0.0), 1.0, 40.0, bias=0.2)[-1] - 1.0) > 0.05
-
-
-def test_anti_windup_keeps_the_overshoot_small() -> None:
-    # At 0.3 rad/s a turn of 3 rad saturates for 10 s: a wound-up integral of 15 rad s would carry far beyond.
-    assert max(turn(PidGains(omega_max=0.3, ki=1.0), 3.0, 40.0)) < 3.0 + 0.1
-
-
-def test_the_derivative_is_on_the_measurement() -> None:
-    gains = PidGains(kp=0.1, ki=0.0, kd=1.0, omega_max=50.0)
-    _, state = pid_to_angle(0.0, 0.0, 0.02, PidState(), gains)
-    assert pid_to_angle(0.0, 1.0, 0.02, state, gains)[0] == pytest.approx(0.1)
-    assert pid_to_angle(0.02, 0.0, 0.02, state, gains)[0] == pytest.approx(-0.002 - 1.0)
-
-
-def test_pid_gains_are_checked() -> None:
-    with pytest.raises(ValueError, match="ki"):
-        PidGains(ki=-1.0)
-    with pytest.raises(ValueError, match="omega_max"):
-        PidGains(omega_max=0.0)

@@ -63,7 +63,7 @@ def test_quantities_are_found_on_the_fields() -> None:
 
 def test_a_value_outside_its_limits_is_refused_by_name() -> None:
     assert Shape(sides=3, place=(1.0, 2.0)).sides == 3
-    with pytest.raises(ParameterError, match=r"^radius: got -1, expected a number above 0 \[m\]$") as refused:
+    with pytest.raises(ParameterError, match=r"^radius: got -1, expected a number at least 0.001 \[m\]$") as refused:
         Shape(radius=-1)
     assert (refused.value.what, refused.value.got) == ("radius", "-1")
     with pytest.raises(ParameterError, match=r"sides: got 2\.5, expected a whole number at least 0"):

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace as replace_fields
 
+from muro_zenoh.behaviours.interface import Deployment, Expectation
 from muro_zenoh.cli.summary import summary
 from muro_zenoh.config import Checks
 from muro_zenoh.config.checks import at_least, at_most
@@ -28,8 +29,6 @@ from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
 from muro_zenoh.scoring.checks import CHECKS, Judged, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
-from muro_zenoh.scoring.deployment import Deployment
-from muro_zenoh.scoring.expectations import Expectations
 from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
 from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
@@ -156,7 +155,7 @@ RESTING = {f"r{k + 1}": Body(k + 0.5, 0.51, 0.1, 0.0, 0.0) for k in range(3)}
 PATHS = {f"r{k + 1}": (Planned(0.0, PlannedPath(Pose2(k, 0.49, 0.0), (Segment(5.0, 0.0),))),) for k in range(3)}
 
 
-EXPECTED = Expectations(
+EXPECTED = Expectation(
     follows_circle=True,
     spreads=True,
     importance=Importance.from_function(lambda angle: 1.0),
@@ -362,6 +361,19 @@ def test_a_robot_whose_truth_is_not_known_is_not_settled(spreads: bool) -> None:
     assert sheet["settle_time_s"] == 30.0
     assert sheet["spacing_error_rad"]["max"] == (pytest.approx(0.0, abs=1e-9) if spreads else None)
     assert sheet["truth_known"] == pytest.approx((2 * 300 + 3 * 301) / (3 * 601), abs=1e-4)
+
+
+@pytest.mark.parametrize(("unknown_from", "spacing"), [(50.0, 0.02), (44.0, None)])
+def test_a_moment_at_which_a_robots_truth_is_not_known_has_no_spacing(
+    unknown_from: float, spacing: float | None
+) -> None:
+    """The two that are known are a third of the circle apart: no even ring, of two or of three."""
+    samples = [
+        s._replace(positions={name: place for name, place in s.positions.items() if name != "r2" or s.t < unknown_from})
+        for s in observed().samples
+    ]
+    found = report(observed(samples=samples), Checks())["spacing_error_rad"]["max"]
+    assert found == (pytest.approx(spacing) if spacing is not None else None)
 
 
 def test_robots_on_the_circle_that_need_not_spread() -> None:

@@ -6,14 +6,15 @@ import math
 
 import pytest
 
+from muro_zenoh.behaviours.interface import Deployment
 from muro_zenoh.config import find_scenario
 from muro_zenoh.control.importance import Importance
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Bounds, Circle, Pose2
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.density import density_error
-from muro_zenoh.scoring.deployment import Deployment, score_deployment
-from muro_zenoh.scoring.expectations import expectations_of
+from muro_zenoh.scoring.deployment import score_deployment
+from muro_zenoh.scoring.expectations import expectation_of
 from muro_zenoh.scoring.goals import rests, score_goals, score_tracking
 from muro_zenoh.scoring.observed import Body, Moment, Planned
 
@@ -140,20 +141,20 @@ def test_a_density_that_is_achieved_and_one_that_is_not() -> None:
 
 
 def test_the_expectations_of_the_built_in_scenarios() -> None:
-    dubins = expectations_of(find_scenario("dubins", 3))
+    dubins = expectation_of(find_scenario("dubins", 3))
     assert set(dubins.goals) == {"r1", "r2", "r3"}
     assert dubins.v_min == 0.1
     assert not dubins.follows_circle
-    coverage = expectations_of(find_scenario("coverage"))
+    coverage = expectation_of(find_scenario("coverage"))
     assert coverage.deployment is not None
     assert coverage.deployment.floor == Bounds(-2.1, 2.1, -1.5, 1.5)
-    importance = expectations_of(find_scenario("importance"))
+    importance = expectation_of(find_scenario("importance"))
     assert (importance.follows_circle, importance.spreads) == (True, False)
     assert importance.importance is not None
     assert importance.importance.contrast == pytest.approx(3.0, abs=1e-3)
-    assert expectations_of(find_scenario("pursuit")).spreads
+    assert expectation_of(find_scenario("pursuit")).spreads
 
 
 def test_parameters_that_do_not_fit_are_refused_before_anything_is_scored() -> None:
     with pytest.raises(ConfigError, match="cruise"):
-        expectations_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))
+        expectation_of(find_scenario("pursuit", None, {"behaviour.cruise": 9.0}))

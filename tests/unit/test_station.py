@@ -22,7 +22,7 @@ from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.errors import TransportError
+from muro_zenoh.errors import NoReply, TransportError
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import Clear, Estimate, Frame, Health, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
 from muro_zenoh.runtime.clock import Clock, SystemClock
@@ -124,6 +124,38 @@ def test_orders_are_answered_and_published_at_once() -> None:
             assert (refused.accepted, "inside the arena" in refused.reason) == (False, True)
             refused = await ask(channels.CLEAR, Clear(name="r1"))
             assert (refused.accepted, refused.reason) == (False, "robot r1 was never seen")
+
+    run_virtually(main())
+
+
+async def test_no_order_is_taken_once_the_base_station_shuts_down(tmp_path: Path) -> None:
+    """Nothing would publish it: an operator has to see that nobody keeps the stop."""
+    async with real_lab() as there, make_bus(there.network.link()) as bus:
+        ending = Station(bus, LAB, tmp_path / "state.json", [])
+        task = asyncio.create_task(ending.run())
+        await within(5, there.bus.latest(channels.STOP).next(), "the stop state")
+        under_way = asyncio.create_task(there.ask(channels.STOP_ORDER, Stop()))
+        await asyncio.sleep(0)  # it is sent, and not taken yet
+        ending._orders.close()
+        refused = await under_way
+        assert (refused.accepted, refused.reason) == (False, "the base station is shutting down")
+        task.cancel()
+        await asyncio.wait({task})
+        with pytest.raises(NoReply):
+            await there.ask(channels.STOP_ORDER, Stop())
+        assert not ending.store.stop.all
+
+
+def test_a_base_station_that_ends_takes_no_more_orders() -> None:
+    async def main() -> None:
+        async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
+            task = asyncio.create_task(Station(bus, LAB, None, []).run())
+            await asyncio.sleep(1.0)
+            assert (await there.bus.ask(channels.STOP_ORDER, Stop())).accepted
+            task.cancel()
+            await asyncio.wait({task})
+            with pytest.raises(NoReply):
+                await there.bus.ask(channels.STOP_ORDER, Stop())
 
     run_virtually(main())
 
@@ -376,6 +408,26 @@ async def test_a_stop_is_published_before_the_disk_has_it(tmp_path: Path, monkey
         disk.released.set()
         assert (await stopping).accepted
         assert StateStore(LAB, tmp_path / "state.json").stop.names == ("r2",)
+
+
+def test_a_stop_is_published_at_once_and_not_with_the_next_repetition(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk hangs for good, and the state is repeated only in half a second."""
+
+    async def main() -> None:
+        async with lab() as there, station(there):
+            stop = there.bus.latest(channels.STOP)
+            await stop.next()
+            monkeypatch.setattr(StateStore, "_written", lambda *_: asyncio.get_running_loop().create_future())
+            stopping = asyncio.create_task(there.ask(channels.STOP_ORDER, Stop(names=("r2",))))
+            await asyncio.sleep(0.01)
+            newest = stop.get()
+            assert newest is not None
+            assert newest.message.names == ("r2",)
+            assert not stopping.done()
+            stopping.cancel()
+            await asyncio.wait({stopping})
+
+    run_virtually(main())
 
 
 async def test_a_resume_that_a_stop_overtakes_lifts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

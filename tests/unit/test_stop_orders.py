@@ -329,6 +329,17 @@ async def test_resume_of_one_waits_for_that_one_alone(there: Lab) -> None:
 
 
 @virtual
+async def test_a_robot_that_reports_nothing_has_not_resumed(there: Lab) -> None:
+    await there.agents("r1")
+    await there.base_station()
+    silent = await there.join(Role.AGENT)
+    silent.announce(Role.AGENT, "r3")
+    result = await resume_robots(there.operator, ())
+    assert result.reply.accepted
+    assert result.still_stopped == ("r3",)
+
+
+@virtual
 async def test_a_base_station_that_starts_just_now_is_waited_for(there: Lab) -> None:
     await there.agents("r1")
     station = await there.join(Role.BASESTATION)
@@ -416,7 +427,7 @@ def test_the_command_exits_with_0_when_everybody_has_confirmed(monkeypatch: pyte
 
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
     assert done.output == (
-        "base station: did not answer, so only the robots themselves keep this order\n"
+        "base station: did not answer: only the agents that are running now remember this stop, until it is back\n"
         "r1: has stopped\nr2: has stopped\n"
     )
     assert done.exit_code == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from muro_zenoh.estimation.ekf import FilterSettings
 from muro_zenoh.estimation.wheel_model import WheelLimits
-from muro_zenoh.estimation.wheel_track import WheelTrack
+from muro_zenoh.estimation.wheel_track import LONGEST_ARC, WheelTrack
 
 
 def track() -> WheelTrack:
@@ -62,6 +63,40 @@ def test_odometry_that_is_not_newer_is_ignored() -> None:
     it.twist(1.0, 0.9, 0.0)
     it.twist(0.5, 0.9, 0.0)
     assert it.walk(0.5, 1.0)[1] == (0.2, 0.0)
+
+
+@pytest.mark.parametrize("silent", [1.0, 3600.0, 60 * 3600.0])
+def test_wheels_at_rest_take_one_step_however_long_they_are_silent(silent: float) -> None:
+    # A computer that was suspended: its first update must not block the loop.
+    it = track()
+    it.twist(0.0, 0.3, -0.5)
+    it.command(0.0, 0.3, -0.5)
+    ahead = it._ahead(5.0 + silent)
+    assert len(ahead) < 80
+    assert [knot[0] for knot in ahead] == sorted({knot[0] for knot in ahead})
+    assert ahead[-1] == pytest.approx((5.0 + silent, 0.0, 0.0), abs=1e-6)
+    arcs, speeds = it.walk(0.0, 5.0 + silent)
+    assert len(arcs) < 80
+    assert speeds == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert sum(dt for _, _, dt in arcs) == pytest.approx(5.0 + silent)
+    assert distance(it, 0.0, 5.0 + silent) == pytest.approx(distance(it, 0.0, 3.0), abs=1e-5)
+
+
+@pytest.mark.parametrize(("v", "omega"), [(0.3, 0.0), (0.0, -1.0)])
+def test_wheels_that_still_roll_take_short_steps(v: float, omega: float) -> None:
+    it = track()
+    it.twist(0.0, v, omega)
+    it.command(0.0, 0.0, 0.0)
+    braking = it._ahead(0.3)
+    assert max(b - a for (a, *_), (b, *_) in itertools.pairwise([(0.0,), *braking])) <= LONGEST_ARC + 1e-9
+
+
+def test_wheels_at_rest_take_short_steps_from_their_next_command_on() -> None:
+    it = track()
+    it.twist(0.0, 0.0, 0.0)
+    it.command(0.0, 0.0, 0.0)
+    it.command(0.1, 0.3, 0.0)  # at rest until then
+    assert [knot[0] for knot in it._ahead(0.2)] == pytest.approx([0.1, 0.15, 0.2], abs=1e-6)
 
 
 events = st.tuples(st.sampled_from(["twist", "command", "forget"]), st.floats(-10.0, 40.0), st.floats(-1.0, 1.0))

@@ -20,7 +20,7 @@ from muro_zenoh.config import Scenario, load_scenario, parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Goal, SetBehaviour
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
-from muro_zenoh.scoring.expectations import expectations_of
+from muro_zenoh.scoring.expectations import expectation_of
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.supervision.preflight import check_can_run
@@ -43,7 +43,7 @@ def behaviour() -> None:
     """A run accepts it, a base station accepts the order, a fleet runs it, its score sheet shows the circle."""
     wanted = lab({"behaviour": {"name": "patrol", "pace": 0.12}})
     check_can_run(wanted, "lab.toml")
-    assert expectations_of(wanted).follows_circle
+    assert expectation_of(wanted).follows_circle
     refuse({"behaviour": {"name": "patrol", "pace": -0.1}}, r"behaviour\.pace: got -0\.1 .*above 0 \[m/s\]")
 
     async def main() -> None:
@@ -96,7 +96,7 @@ def check() -> None:
     """A run is checked by it: in the unit of its limit, which differs from the report's."""
     for limit, passed in ((0.004, True), (0.002, False)):
         wanted = lab({"checks": {"pose_to_command_p99": limit}})
-        seen = Observed(wanted.name, wanted.robots, 60.0, expectations_of(wanted), pose_to_command=[0.003] * 10)
+        seen = Observed(wanted.name, wanted.robots, 60.0, expectation_of(wanted), pose_to_command=[0.003] * 10)
         sheet = score_run(seen, wanted.checks)
         assert sheet.checks["pose_to_command_p99"].value == pytest.approx(0.003)
         assert sheet.passed is passed

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import psutil
 
-from benchmarks.room import Room
+from benchmarks.support.room import Room
 from muro_zenoh.messages import VelocityCommand, decode
 from tests.support.process import Process
 from tests.support.router import Router, router

@@ -1,13 +1,20 @@
-"""One-line description of a behaviour's failure: the exception, and the line in the user's file."""
+"""A behaviour's failure: what it may raise, and that in one line with the line in the user's file."""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import traceback
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from muro_zenoh.errors import MuroError
+
+FAILURES: Final = (Exception, BaseExceptionGroup, SystemExit, asyncio.CancelledError)
+"""What a behaviour may raise without ending its agent. In a plain function a cancellation is always its own."""
+
+OnFailure = Callable[[BaseException], str]
+"""Takes what a behaviour has raised; returns the reason to hold with."""
 
 _LONGEST = 200
 """Maximum length for the live table [characters]."""
