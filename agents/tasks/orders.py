@@ -33,7 +33,7 @@ async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signa
 
 
 def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner, signals: Signals) -> None:
-    """Answer every goal for this robot: accepted, or refused with the reason.
+    """Answer every goal for this robot: accepted, or refused with the reason. A stopped robot takes goals, and says so.
 
     Args:
         bus: the bus.
@@ -51,6 +51,6 @@ def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner
         if seen is None:
             return Reply(accepted=False, reason=f"{name} has no pose yet, so it cannot plan")
         refused = runner.go_to(Destination(goal.x, goal.y, goal.theta), seen)
-        return Reply(accepted=not refused, reason=refused)
+        return Reply(accepted=not refused, reason=refused or loop.latch.reason)
 
     bus.answer(channels.GOAL_ORDER, answer, name=name)

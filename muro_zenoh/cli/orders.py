@@ -42,14 +42,15 @@ def stop(names: tuple[str, ...], bus: BusFlags) -> None:
     """Stop NAMES, or every robot.
 
     The order goes straight to the robots, base station or not, and to the base station, which keeps it. The exit code
-    is 0 when every named robot, or every robot that is alive, has confirmed.
+    is 0 when every named robot, or without NAMES every robot that is alive or on the floor, has confirmed. A robot that
+    was switched off is on the floor until it is carried away and cleared.
     """
     from muro_zenoh.orders.stop import StopStatus, stop_robots
 
     words = {
         StopStatus.STOPPED: "has stopped",
         StopStatus.UNCONFIRMED: "DOES NOT CONFIRM",
-        StopStatus.NOT_ALIVE: "is not alive",
+        StopStatus.NOT_ALIVE: "is not alive, so it does not confirm",
     }
 
     async def order(b: Bus) -> int:
@@ -98,15 +99,16 @@ def resume(names: tuple[str, ...], bus: BusFlags) -> None:
 def goal(name: str, x: float, y: float, theta: float | None, bus: BusFlags) -> None:
     """Send the robot NAME to X, Y [m, world], to arrive with the heading THETA [rad] if it is given.
 
-    The exit code is 0 when the robot accepts, 1 when it refuses, with its reason (not every behaviour takes goals), or
-    does not answer.
+    A robot that is stopped accepts, says so, and drives when it is resumed. The exit code is 0 when the robot accepts,
+    1 when it refuses, with its reason (not every behaviour takes goals), or does not answer.
     """
     from muro_zenoh.messages import Goal
     from muro_zenoh.orders.goal import send_goal
 
     async def order(b: Bus) -> int:
         answer = await send_goal(b, name, Goal(x=x, y=y, theta=theta))
-        click.echo(f"{name}: " + ("accepted" if answer.accepted else f"refused: {answer.reason}"))
+        still = f"; it does not drive yet: {answer.reason}" if answer.reason else ""
+        click.echo(f"{name}: " + (f"accepted{still}" if answer.accepted else f"refused: {answer.reason}"))
         return 0 if answer.accepted else 1
 
     _check_names((name,))

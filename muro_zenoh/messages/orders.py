@@ -128,7 +128,8 @@ class Clear(Message, frozen=True, kw_only=True):
 
 
 class Reply(Message, frozen=True, kw_only=True):
-    """The answer to an order: accepted, or refused with the reason."""
+    """The answer to an order: accepted, or refused with the reason. With an accepted one, ``reason`` is why nothing
+    follows from it yet; empty when something does."""
 
     accepted: bool
     reason: str = ""

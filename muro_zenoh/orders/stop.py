@@ -36,7 +36,8 @@ class StopResult(NamedTuple):
 
     Attributes:
         reply: the base station's; None when it did not answer.
-        robots: the status of each robot that was named, or of each that was alive meanwhile when none was.
+        robots: the status of each robot that was named, or of each that is known when none was: by its agent, or by
+            the base station's snapshot.
     """
 
     reply: Reply | None
@@ -66,6 +67,7 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """
     stop_state = bus.latest(channels.STOP)
     health = bus.latest(channels.HEALTH, "*")
+    snapshot = bus.latest(channels.ALL_POSITIONS)
     roster = bus.roster()
     orders = bus.publisher(channels.STOP)
     asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
@@ -76,6 +78,8 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
         alive = roster.of("agent")
         if not names:
             addressed.update(alive)  # one that disappears meanwhile has not confirmed, either
+            if (seen := snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before
+                addressed.update(robot.name for robot in seen.message.robots)
         found = {}
         for name in sorted(addressed):
             report = health.get(name)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Deployment
-from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour
+from muro_zenoh.messages import Goal, PlannedPath, Reply, SetBehaviour, Stop
 from muro_zenoh.scoring.deployment import score_deployment
 from muro_zenoh.scoring.observed import Body
 from muro_zenoh.transport import Bus
@@ -55,6 +55,20 @@ async def test_an_operators_goals_are_answered_reached_and_replaced() -> None:
         shown: list[PlannedPath] = [received.message for received in paths.drain()]
         assert len(shown) >= 2
         assert shown[-1].goal_theta
+
+
+@virtual
+async def test_a_stopped_robot_accepts_a_goal_and_says_that_it_is_stopped() -> None:
+    async with memory_fleet(scenario(1, "dubins")) as fleet:
+        operator = await fleet.bus()
+        await fleet.until(lambda: fleet.holds("r1", "no goal"), 3, "it waits for a goal")
+        assert (await order(operator, Goal(x=0.8, y=0.5))).reason == ""
+        await fleet.order(channels.STOP_ORDER, Stop(names=("r1",)))
+        await fleet.until(lambda: fleet.holds("r1", "stopped by order"), 2, "it is stopped")
+        answer = await order(operator, Goal(x=0.8, y=-0.5))
+        assert (answer.accepted, answer.reason) == (True, "stopped by order")
+        refusal = await order(operator, Goal(x=9.0, y=0.0))
+        assert (refusal.accepted, "arena" in refusal.reason) == (False, True)
 
 
 @virtual

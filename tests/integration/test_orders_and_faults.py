@@ -150,7 +150,7 @@ async def test_a_robot_that_does_not_confirm_a_stop_is_named(fleet: RealFleet) -
     assert "r1: has stopped\n" in order.stdout
     assert "r3: has stopped\n" in order.stdout
     # Its lease may be over by the time that it was waited for.
-    assert "r2: DOES NOT CONFIRM\n" in order.stdout or "r2: is not alive\n" in order.stdout
+    assert "r2: DOES NOT CONFIRM\n" in order.stdout or "r2: is not alive" in order.stdout
     await fleet.until(fleet.stationary, 5, "all stand, r2 by its dead-man")
     fleet.process["r2"].send(signal.SIGCONT)
     await fleet.until(lambda: fleet.health["r2"].stop_latched, 5, "r2 hears of it")

@@ -260,6 +260,23 @@ def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(after: flo
     run_virtually(run())
 
 
+def sightings(there: Lab, *names: str) -> Sightings:
+    """The robots, as a camera saw them just now."""
+    robots = tuple(Sighting(name, Pose2(0.6 * k - 0.6, 0.0, 0.0), (1e-6,) * 9) for k, name in enumerate(names))
+    return Sightings(camera="north", captured=there.clock.now(), robots=robots)
+
+
+@virtual
+async def test_who_disappeared_before_the_stop_is_named_as_long_as_it_is_on_the_floor(there: Lab) -> None:
+    """A frozen agent, whose lease expired a while ago: nobody knows whether its robot stands still."""
+    await there.agents("r1")
+    await there.base_station(sightings(there, "r1", "r2"))
+    result = await stop_robots(there.operator, ())
+    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
+    assert not result.confirmed
+    assert (await stop_robots(there.operator, ("r1",))).confirmed, "of those that are named only"
+
+
 @virtual
 async def test_where_nobody_is_alive_the_base_stations_answer_counts(there: Lab) -> None:
     alone = await stop_robots(there.operator, ())
@@ -414,6 +431,29 @@ def test_the_command_exits_with_0_when_everybody_has_confirmed(monkeypatch: pyte
         "r1: has stopped\nr2: has stopped\n"
     )
     assert done.exit_code == 0
+
+
+def test_the_command_names_a_robot_that_is_seen_and_not_alive(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        await there.agents("r1")
+        await there.base_station(sightings(there, "r1", "r2"))
+
+    done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
+    assert done.output.endswith("r1: has stopped\nr2: is not alive, so it does not confirm\n")
+    assert done.exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("reason", "said"),
+    [("", "r1: accepted\n"), ("stopped by order", "r1: accepted; it does not drive yet: stopped by order\n")],
+)
+def test_a_goal_to_a_stopped_robot_says_so(reason: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        agents = await there.agents("r1")
+        agents["r1"].bus.answer(channels.GOAL_ORDER, lambda goal: Reply(accepted=True, reason=reason), name="r1")
+
+    done = muro("goal", "r1", "0.5", "0", prepare=prepare, monkeypatch=monkeypatch)
+    assert (done.output, done.exit_code) == (said, 0)
 
 
 @pytest.mark.parametrize("deaf", [False, True])
