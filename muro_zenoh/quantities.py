@@ -75,21 +75,19 @@ class Quantity:
         return " ".join(filter(None, [words, bounds, f"[{self.unit}]" if self.unit else ""]))
 
 
-SHORTEST: Final = 0.001
-"""The least length [m]: laws divide by lengths and by their squares, which must not be zero."""
-SLOWEST_TURN: Final = 0.001
-"""The least turning rate [rad/s], for the same reason."""
+LEAST: Final = 0.001
+"""The least length [m], size of an angle [rad] and turning rate [rad/s]: laws divide by them and by their squares."""
 
 Number = Annotated[float, Quantity()]
 Positive = Annotated[float, Quantity(above=0.0)]
 Count = Annotated[int, Quantity(at_least=0, whole=True)]
 Coordinate = Annotated[float, Quantity("m")]
-Length = Annotated[float, Quantity("m", at_least=SHORTEST)]
+Length = Annotated[float, Quantity("m", at_least=LEAST)]
 Angle = Annotated[float, Quantity("rad", at_least=-2.0 * math.pi, at_most=2.0 * math.pi)]
-AngleSize = Annotated[float, Quantity("rad", above=0.0)]
+AngleSize = Annotated[float, Quantity("rad", at_least=LEAST)]
 Speed = Annotated[float, Quantity("m/s", above=0.0)]
 SpeedOrRest = Annotated[float, Quantity("m/s", at_least=0.0)]
-TurningRate = Annotated[float, Quantity("rad/s", at_least=SLOWEST_TURN)]
+TurningRate = Annotated[float, Quantity("rad/s", at_least=LEAST)]
 Acceleration = Annotated[float, Quantity("m/s^2", above=0.0)]
 AngularAcceleration = Annotated[float, Quantity("rad/s^2", above=0.0)]
 Rate = Annotated[float, Quantity("Hz", above=0.0)]

@@ -212,7 +212,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 names.append(name)
         for kept, names in groups:
             try:
-                check_settings(kept.behaviour, kept.parameters, "order", _fleet(scenario, names), self.circle)
+                check_settings(kept.behaviour, kept.parameters, "", _fleet(scenario, names), self.circle)
             except ConfigError as error:
                 raise OrderRefused(str(error)) from None
 

@@ -94,9 +94,21 @@ class StateFile:
                 else:
                     scratch.replace(self._path)
                     self._replaced = number
+            # Not in the lock: a disk that hangs here must not keep the other thread waiting. A write that came too late
+            # syncs as well, because the newer one that it left in place may not have done so yet.
+            _sync_folder(self._path.parent)
         except OSError as error:
             with contextlib.suppress(OSError):
                 scratch.unlink()
             raise ConfigError(
                 str(self._path), got=error.strerror or str(error), expected="a file to keep the lab's state in"
             ) from error
+
+
+def _sync_folder(folder: Path) -> None:
+    """Only then the new name of a file outlives a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

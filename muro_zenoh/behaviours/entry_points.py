@@ -24,8 +24,8 @@ def load_function(name: str) -> Callable[..., Any]:
     Raises:
         BehaviourError: a malformed name, no such module or function, or the import failed.
     """
-    module_name, colon, function_name = name.partition(":")
-    if not colon:
+    module_name, _, function_name = name.partition(":")
+    if not all(part.isidentifier() for part in (*module_name.split("."), function_name)):
         raise BehaviourError(f"function: got {name!r}, expected module:function")
     for folder in os.environ.get(BEHAVIOURS, "").split(os.pathsep):
         if folder and folder not in sys.path:
@@ -33,11 +33,11 @@ def load_function(name: str) -> Callable[..., Any]:
     try:
         function = getattr(importlib.import_module(module_name), function_name)
     except ModuleNotFoundError as error:
-        raise BehaviourError(f"{name!r}: {error}; put it beside the scenario file, or on PYTHONPATH") from error
+        raise BehaviourError(f"{error}; put it beside the scenario file, or on PYTHONPATH") from error
     except AttributeError:
-        raise BehaviourError(f"{name!r}: module {module_name} has no function {function_name!r}") from None
+        raise BehaviourError(f"module {module_name} has no function {function_name!r}") from None
     except (Exception, SystemExit) as error:  # a script without a main guard may exit when imported
-        raise BehaviourError(f"{name!r}: importing {module_name} failed: {error!r}") from error
+        raise BehaviourError(f"importing {module_name} failed: {error!r}") from error
     if not callable(function):
-        raise BehaviourError(f"{name!r}: got {function!r}, expected a function")
+        raise BehaviourError(f"{name}: got {function!r}, expected a function")
     return function  # type: ignore[no-any-return]  # just checked

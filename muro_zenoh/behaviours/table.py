@@ -59,7 +59,7 @@ def find(name: str) -> BehaviourKind | OwnBehaviour:
 
 def _own(name: str) -> OwnBehaviour:
     function = load_function(name)
-    wrong = BehaviourError(f"{name!r}: got {function!r}, expected `def f(robot)` or `async def f(robot)`")
+    wrong = BehaviourError(f"got {function!r}, expected `def f(robot)` or `async def f(robot)`")
     if not inspect.isfunction(function) or len(inspect.signature(function).parameters) != 1:
         raise wrong
     if inspect.isasyncgenfunction(function) or inspect.isgeneratorfunction(function):

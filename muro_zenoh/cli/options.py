@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+BusFlags = Callable[..., "BusSettings"]
+"""What a command with :func:`bus_options` receives as ``bus``."""
+
 _BARE = re.compile(r"[A-Za-z_][\w.:/-]*")
 
 

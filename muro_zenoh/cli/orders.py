@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from muro_zenoh.cli.group import MuroGroup
-from muro_zenoh.cli.options import assignments, bus_options, example
+from muro_zenoh.cli.options import BusFlags, assignments, bus_options, example
 
 if TYPE_CHECKING:
     from muro_zenoh.config import BusSettings
     from muro_zenoh.messages import Reply
     from muro_zenoh.transport import Bus
-
-BusFlags = Callable[..., "BusSettings"]
 
 
 def on_bus(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSettings) -> None:

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from muro_zenoh.cli.options import bus_options, example
+from muro_zenoh.cli.options import BusFlags, bus_options, example
 
 if TYPE_CHECKING:
-    from muro_zenoh.config import BusSettings, Scenario
-
-BusFlags = Callable[..., "BusSettings"]
+    from muro_zenoh.config import Scenario
 
 
 def _scenario(file: str, bus: BusFlags) -> Scenario:
@@ -106,13 +104,8 @@ def router(file: str | None, bus: BusFlags) -> None:
     It listens on the endpoints of --listen, or else those of the --config file, or else those that the processes of
     the fleet or scenario FILE connect to, or else tcp/127.0.0.1:7447.
     """
-    import msgspec
-
-    from muro_zenoh.config import BusSettings, find_scenario
+    from muro_zenoh.config import find_scenario
     from muro_zenoh.transport.router import router_settings, run_router
 
-    base = router_settings(find_scenario(file).bus if file is not None else BusSettings())
-    settings = bus(base)
-    if settings.config and file is None and settings.listen == base.listen:
-        settings = msgspec.structs.replace(settings, listen=())
+    settings = router_settings(find_scenario(file).bus if file is not None else None, bus)
     _run(lambda: run_router(settings), "router")

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from muro_zenoh.cli.group import MuroGroup
-from muro_zenoh.cli.options import bus_options, example
+from muro_zenoh.cli.options import BusFlags, bus_options, example
 from muro_zenoh.cli.orders import on_bus
 
 if TYPE_CHECKING:
     from muro_zenoh.config import BusSettings
     from muro_zenoh.transport import Bus, Sample
-
-BusFlags = Callable[..., "BusSettings"]
 
 
 @click.group(cls=MuroGroup, epilog=example("muro topic list", "muro topic echo pose/r1", "muro topic hz 'cmd_vel/*'"))

@@ -7,7 +7,7 @@ class Origin:
     """The origin of the keys of a table: most are from one file, some from a fleet file or the command line.
 
     Args:
-        file: the main file.
+        file: the main file; empty for an order, whose keys speak for themselves.
     """
 
     def __init__(self, file: str) -> None:
@@ -25,7 +25,7 @@ class Origin:
             if start in self._others:
                 return self._others[start] + key
             start = start.rpartition(".")[0]
-        return f"{self.file}: {key}"
+        return f"{self.file}: {key}" if self.file else key
 
     def note(self, key: str, before: str) -> None:
         """Record another origin for a key and all keys under it.

@@ -25,7 +25,7 @@ from typing import Annotated, Any, ClassVar, Final
 from muro_zenoh.elementwise import Scalar, of
 from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import Circle, State, Twist2
-from muro_zenoh.quantities import Length, Quantity, TurningRate, check_quantities
+from muro_zenoh.quantities import AngleSize, Length, Quantity, TurningRate, check_quantities
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class LqrGains:
     NAME: ClassVar[str] = "lqr"
 
     radial_size: Length = 0.03
-    heading_size: Annotated[float, Quantity("rad", above=0.0)] = 1.0
+    heading_size: AngleSize = 1.0
     turn_size: TurningRate = 1.0
 
     def __post_init__(self) -> None:

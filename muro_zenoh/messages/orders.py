@@ -8,7 +8,7 @@ from msgspec import Meta, field
 
 from muro_zenoh import geometry
 from muro_zenoh.messages.base import Message, Name, Value
-from muro_zenoh.quantities import SHORTEST
+from muro_zenoh.quantities import LEAST
 
 
 class Goal(Message, frozen=True, kw_only=True):
@@ -24,7 +24,7 @@ class Circle(Message, frozen=True, kw_only=True):
 
     x: float
     y: float
-    radius: Annotated[float, Meta(ge=SHORTEST)]
+    radius: Annotated[float, Meta(ge=LEAST)]
     clockwise: bool = False
     revision: Annotated[int, Meta(ge=0)] = 0
 
@@ -96,7 +96,7 @@ class SetCircle(Message, frozen=True, kw_only=True):
 
     x: float | None = None
     y: float | None = None
-    radius: Annotated[float, Meta(ge=SHORTEST)] | None = None
+    radius: Annotated[float, Meta(ge=LEAST)] | None = None
     clockwise: bool | None = None
 
 

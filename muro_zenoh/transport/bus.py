@@ -7,6 +7,7 @@ without encoding, and published as well.
 from __future__ import annotations
 
 import asyncio
+import itertools
 import random
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Iterable
@@ -68,7 +69,7 @@ class Bus:
         self._readers: dict[str, list[Inbox[Any]]] = {}
         self._open: dict[Closable, None] = {}  # in the order of their declaration
         self._wildcards: list[tuple[str, Inbox[Any]]] = []  # with the start of their keys
-        self._own_keys: set[str] = set()
+        self._numbers: dict[str, itertools.count[int]] = {}  # the next `seq` of each key that this process writes
         self._orders: list[Orders[Any]] = []
         self._closed = False
 
@@ -93,11 +94,13 @@ class Bus:
             key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=channel.delivery == "kept"
         )
         readers = self._readers.setdefault(key, [])
-        if key not in self._own_keys:
-            self._own_keys.add(key)
+        if key not in self._numbers:
+            self._numbers[key] = itertools.count(1)
             # Mailboxes of `*` that were declared first get the new key's messages too.
             readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
-        publisher: Publisher[T] = Publisher(key, link, readers, self.clock, self.epoch, self.counters[channel.word])
+        publisher: Publisher[T] = Publisher(
+            key, link, readers, self.clock, (self.epoch, self._numbers[key]), self.counters[channel.word]
+        )
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
         return publisher
@@ -134,7 +137,7 @@ class Bus:
         if name == "*":
             start = expression[:-1]
             self._wildcards.append((start, inbox))
-            ours = [key for key in self._own_keys if key.startswith(start)]
+            ours = [key for key in self._numbers if key.startswith(start)]
         else:
             ours = [expression]
         for key in ours:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
 import msgspec
@@ -26,20 +26,25 @@ class Publisher(Generic[T]):
         link: where it goes to other processes.
         readers: this process's mailboxes of the key; the bus keeps the list up to date.
         clock: for stamps.
-        epoch: this process's number.
+        numbering: this process's ``epoch``, and the ``seq`` of each message: all publishers of a key count together.
         counters: shared by all publishers of a channel.
     """
 
     def __init__(
-        self, key: str, link: LinkPublisher, readers: list[Inbox[T]], clock: Clock, epoch: int, counters: Counters
+        self,
+        key: str,
+        link: LinkPublisher,
+        readers: list[Inbox[T]],
+        clock: Clock,
+        numbering: tuple[int, Iterator[int]],
+        counters: Counters,
     ) -> None:
         self._key = key
         self._link = link
         self._readers = readers
         self._now = clock.now
-        self._epoch = epoch
+        self._epoch, self._numbers = numbering
         self._counters = counters
-        self._seq = 0
         self._closers = [link.close]
         self._closed = False
 
@@ -54,12 +59,11 @@ class Publisher(Generic[T]):
         """
         if self._closed:
             return message
-        self._seq += 1
         # A copy that is not checked a second time; the caller's own stays as it is.
         sent: T = message.__copy__()  # type: ignore[attr-defined]  # what copy.copy() calls, by a longer path
         if not message.stamp:
             _set(sent, "stamp", self._now())
-        _set(sent, "seq", self._seq)
+        _set(sent, "seq", next(self._numbers))
         _set(sent, "epoch", self._epoch)
         for inbox in self._readers:
             inbox.hand(self._key, sent)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Callable
 
 import msgspec
 
@@ -32,11 +33,18 @@ async def run_router(settings: BusSettings) -> None:
         await link.close()
 
 
-def router_settings(settings: BusSettings) -> BusSettings:
-    """The router's own settings, from those of the processes that connect to it.
+def router_settings(fleet: BusSettings | None, override: Callable[[BusSettings], BusSettings]) -> BusSettings:
+    """The router's own settings.
+
+    It listens where the command line says, or else, without a fleet, where the Zenoh configuration named there says, or
+    else where the fleet's ``listen`` says, or else where its processes connect to.
 
     Args:
-        settings: the ``[bus]`` section that everybody has. Without a ``listen`` the router listens where the others
-            connect.
+        fleet: the ``[bus]`` section that everybody has; None without a fleet.
+        override: overrides settings by those of the command line.
     """
-    return msgspec.structs.replace(settings, mode="router", listen=settings.listen or settings.connect, connect=())
+    bus = fleet or BusSettings()
+    settings = override(msgspec.structs.replace(bus, mode="router", listen=(), connect=()))
+    if settings.listen or (settings.config and fleet is None):
+        return settings
+    return msgspec.structs.replace(settings, listen=bus.listen or bus.connect)

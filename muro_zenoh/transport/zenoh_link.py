@@ -149,7 +149,7 @@ def _direct(function: Callable[[Any], None]) -> Any:
 
 def _brief(error: Exception) -> str:
     """Zenoh's own words, without the place in its sources."""
-    return str(error).splitlines()[0].split(" at /")[0].rstrip(".")
+    return str(error).splitlines()[0].split(" at /")[0].rstrip(" .!")
 
 
 async def _open_session(config: zenoh.Config) -> zenoh.Session:

@@ -86,7 +86,9 @@ async def test_two_publishers_of_one_key_hand_over_each_message_once(network: Ne
         box = bus.every(channels.VELOCITY, "*")
     for i, out in enumerate(outs):
         out.put(speed(i))
-    assert [got.message.speed for got in box.drain()] == [0.0, 1.0]
+    got = box.drain()
+    assert [one.message.speed for one in got] == [0.0, 1.0]
+    assert [one.message.seq for one in got] == [1, 2]  # they are one writer
 
 
 async def test_a_hand_over_wakes_the_waiting_task(network: Network) -> None:

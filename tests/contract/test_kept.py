@@ -7,6 +7,7 @@ import asyncio
 import pytest
 
 from muro_zenoh import channels
+from muro_zenoh.channels import Priority
 from muro_zenoh.messages import (
     Behaviour,
     Calibration,
@@ -14,6 +15,7 @@ from muro_zenoh.messages import (
     decode,
     encoding_of,
 )
+from muro_zenoh.transport import MemoryNetwork
 from tests.contract.conftest import Network
 from tests.contract.helpers import linked, speed
 from tests.support.waiting import within
@@ -133,3 +135,19 @@ async def test_what_is_not_kept_is_gone(network: Network) -> None:
     assert box.get() is not None
     assert reader.counters["velocity"].rejected == 0
     assert box.get().message.speed < 0.0  # type: ignore[union-attr]  # a probe, not the old value
+
+
+async def test_what_a_killed_process_kept_in_memory_goes_with_its_link() -> None:
+    """It has closed no publisher. Over Zenoh the cache is in the process itself."""
+    network, heard = MemoryNetwork(), []
+    link = network.link()
+    assert link.publisher("muro/circle", encoding="", priority=Priority.DATA, keep=True).put(b"kept")
+
+    def join() -> None:
+        network.link().subscribe("muro/circle", lambda _, payload, __: heard.append(payload), encoding="", keep=True)
+
+    join()
+    assert heard == [b"kept"]
+    await link.close()
+    join()
+    assert heard == [b"kept"]

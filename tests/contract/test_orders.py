@@ -18,7 +18,6 @@ from muro_zenoh.messages import (
     Stop,
 )
 from muro_zenoh.transport import Bus
-from muro_zenoh.transport.orders import MAX_WAITING
 from tests.contract.conftest import Network
 from tests.contract.helpers import answered, until
 from tests.support.waiting import seconds, within
@@ -140,13 +139,13 @@ async def test_orders_that_wait_are_bounded_and_the_rest_is_counted(network: Net
     received = counters.received
     asking = [
         asyncio.create_task(bus.ask(channels.SET_CIRCLE, SetCircle(radius=1.0), timeout=seconds(3)))
-        for _ in range(MAX_WAITING + 5)
+        for _ in range(64 + 5)
     ]
-    await until(lambda: counters.received == received + MAX_WAITING + 5, "all of them")
+    await until(lambda: counters.received == received + 64 + 5, "all of them")
     assert counters.dropped == 5
     go_on.set()
     replies = await asyncio.gather(*asking, return_exceptions=True)
-    assert sum(isinstance(reply, Reply) for reply in replies) == MAX_WAITING
+    assert sum(isinstance(reply, Reply) for reply in replies) == 64
     assert sum(isinstance(reply, NoReply) for reply in replies) == 5
     assert (await bus.ask(channels.SET_CIRCLE, SetCircle(radius=1.0))).accepted, "there is room again"
 

@@ -120,6 +120,7 @@ def test_a_router_listens_on_the_given_endpoint(lab: str) -> None:
         assert router.wait() == OK, router.last_lines()
     refused = muro("topic", "list", "--for", "0.2", "--connect", lab)
     assert f"no router answered at {lab}" in refused.stderr
+    assert re.search(r"within 5 s \([^!]*[^ !]\)\. Start one", refused.stderr)
 
 
 @pytest.mark.parametrize("command", ["agent", "base"])

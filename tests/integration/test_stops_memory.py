@@ -148,6 +148,40 @@ def test_a_stop_without_a_base_station_outlives_the_restart_of_the_agent_that_it
     run_virtually(main())
 
 
+def test_a_stop_is_taken_though_the_state_before_it_is_repeated_in_the_same_moment() -> None:
+    """By the base station, which has not received it yet: no order may displace another one unread."""
+
+    async def main() -> None:
+        async with driving() as fleet:
+            operator, station = await fleet.bus(Role.OPERATOR), await fleet.bus(Role.BASESTATION)
+            orders, repetitions = operator.publisher(channels.STOP), station.publisher(channels.STOP)
+            before = fleet.kept.stop
+            orders.put(StopOrder(all=True, revision=before.revision))
+            repetitions.put(before)
+            await asyncio.sleep(0.01)
+            assert fleet.healths["r1"].stop_latched
+            assert fleet.driving == set()
+
+    run_virtually(main())
+
+
+def test_the_revision_of_an_order_that_only_a_robot_has_received_comes_to_the_base_station() -> None:
+    """Else no resume would be newer than what the robot knows."""
+
+    async def main() -> None:
+        async with driving() as fleet:
+            operator = await fleet.bus(Role.OPERATOR)
+            operator.publisher(channels.STOP).put(StopOrder(all=False, names=("r1",), revision=40))
+            await asyncio.sleep(0.1)
+            assert fleet.kept.stop.names == ("r1",)
+            assert fleet.kept.stop.revision > 40
+            assert fleet.healths["r1"].stop_revision == fleet.kept.stop.revision
+            assert (await resume_robots(operator, ())).still_stopped == ()
+            await fleet.until(lambda: len(fleet.driving) == 1, 0.5, "it drives")
+
+    run_virtually(main())
+
+
 def test_a_hold_is_zero_at_once(own: None) -> None:
     async def main() -> None:
         async with driving(behaviour="lab_stops:on_and_off") as fleet:

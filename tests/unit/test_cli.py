@@ -22,6 +22,7 @@ from muro_zenoh.config import PROCESSES, BusSettings, built_in_scenarios, find_s
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.supervision.folder import make_run_folder, write_scenario
 from muro_zenoh.supervision.launch import fleet_specs, free_port, router_spec
+from muro_zenoh.transport.router import router_settings
 
 
 def commands(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -208,6 +209,25 @@ def test_flags_override_the_file_s_bus() -> None:
     assert override_bus(base, {"connect": (), "listen": (), "mode": None}) == base
     overridden = override_bus(base, {"connect": ("tcp/10.0.0.2:1", "udp/h:2"), "mode": "peer"})
     assert (overridden.realm, overridden.mode, overridden.connect) == ("lab", "peer", ("tcp/10.0.0.2:1", "udp/h:2"))
+
+
+@pytest.mark.parametrize(
+    ("fleet", "flags", "listen"),
+    [
+        (None, {}, ("tcp/127.0.0.1:7447",)),
+        (None, {"listen": ("tcp/0.0.0.0:1",)}, ("tcp/0.0.0.0:1",)),
+        (None, {"config": "router.json5"}, ()),
+        (None, {"config": "router.json5", "listen": ("tcp/127.0.0.1:7447",)}, ("tcp/127.0.0.1:7447",)),
+        (BusSettings(connect=("tcp/lab:2",)), {}, ("tcp/lab:2",)),
+        (BusSettings(connect=("tcp/lab:2",)), {"config": "router.json5"}, ("tcp/lab:2",)),
+        (BusSettings(connect=("tcp/lab:2",), listen=("tcp/0.0.0.0:3",)), {}, ("tcp/0.0.0.0:3",)),
+        (BusSettings(listen=("tcp/0.0.0.0:3",)), {"listen": ("tcp/0.0.0.0:1",)}, ("tcp/0.0.0.0:1",)),
+    ],
+)
+def test_where_a_router_listens(fleet: BusSettings | None, flags: dict[str, object], listen: tuple[str, ...]) -> None:
+    settings = router_settings(fleet, lambda base: override_bus(base, flags))
+    assert (settings.mode, settings.listen, settings.connect) == ("router", listen, ())
+    assert router_settings(fleet, lambda base: override_bus(base, {"connect": ("tcp/up:4",)})).connect == ("tcp/up:4",)
 
 
 # ---- what a run is made of

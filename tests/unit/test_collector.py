@@ -336,3 +336,22 @@ async def test_measurements_do_not_fill_the_memory(lab: Lab, monkeypatch: pytest
     agents = lab.collector._agents
     assert 100 <= len(agents.pose_age) < 200
     assert 100 <= len(agents.pose_to_command) < 200
+
+
+async def test_samples_and_paths_do_not_fill_the_memory(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("muro_zenoh.scoring.collector._MAX_SAMPLES", 10)
+    monkeypatch.setattr("muro_zenoh.scoring.collector._MAX_PATHS", 10)
+    collecting = asyncio.create_task(lab.collector._collect_paths())
+    await lab.settle()
+    lab.collector.begin()
+    publisher = lab.bus("r1").publisher(channels.PATH, "r1")
+    for k in range(35):
+        lab.collector.take_sample()
+        publisher.put(PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((1.0 + k, 0.0),)))
+        await lab.settle()
+    assert 10 <= len(lab.collector.samples) < 20
+    planned = lab.collector._planned["r1"]
+    assert 10 <= len(planned) < 20
+    assert planned[-1].path.length == 35.0
+    collecting.cancel()
+    await asyncio.wait({collecting})

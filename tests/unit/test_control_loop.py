@@ -476,6 +476,17 @@ def test_what_has_changed_stays_so_until_it_is_reported() -> None:
     assert loop.changed
 
 
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_newer_order_is_reported_at_once_even_where_it_stops_nobody(stopped: bool) -> None:
+    """The base station learns of the newer revision, and an operator of the resume, before the next command."""
+    loop = free()
+    if stopped:
+        loop.take_stop(T0, StopOrder(all=True, revision=5))
+    loop.changed = False
+    loop.take_stop(T0 + 0.01, StopOrder(all=False, revision=6))
+    assert loop.changed
+
+
 def test_an_order_that_changes_nothing_is_not_reported() -> None:
     loop = free(Forward())
     loop.changed = False

@@ -47,3 +47,19 @@ def test_another_base_station_begins_anew() -> None:
     coverage = Coverage(Parameters(), VEHICLE)
     cells(coverage, steady(100.0, 3.0))
     assert cells(coverage, steady(60.0, 3.0), epoch=8) >= 3
+
+
+@pytest.mark.parametrize("jitter", [0.01, 0.04])
+def test_robots_that_receive_the_same_snapshots_at_different_times_decide_alike(jitter: float) -> None:
+    """By the snapshots' stamps, and not by a clock of one's own."""
+
+    def shown(jitter: float) -> list[float]:
+        coverage, stamps = Coverage(Parameters(), VEHICLE), []
+        for k, stamp in enumerate(steady(100.0, 6.0)):
+            seen = Seen(stamp + jitter * (k % 3), AT, AT, snapshot=Snapshot(ROBOTS, stamp, 7, 0.0), snapshot_age=0.0)
+            if coverage.step(seen).cell is not None:
+                stamps.append(stamp)
+        return stamps
+
+    assert len(shown(0.0)) >= 5
+    assert shown(jitter) == shown(0.0)

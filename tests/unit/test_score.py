@@ -363,6 +363,19 @@ def test_a_robot_whose_truth_is_not_known_is_not_settled(spreads: bool) -> None:
     assert sheet["truth_known"] == pytest.approx((2 * 300 + 3 * 301) / (3 * 601), abs=1e-4)
 
 
+@pytest.mark.parametrize(("unknown_from", "spacing"), [(50.0, 0.02), (44.0, None)])
+def test_a_moment_at_which_a_robots_truth_is_not_known_has_no_spacing(
+    unknown_from: float, spacing: float | None
+) -> None:
+    """The two that are known are a third of the circle apart: no even ring, of two or of three."""
+    samples = [
+        s._replace(positions={name: place for name, place in s.positions.items() if name != "r2" or s.t < unknown_from})
+        for s in observed().samples
+    ]
+    found = report(observed(samples=samples), Checks())["spacing_error_rad"]["max"]
+    assert found == (pytest.approx(spacing) if spacing is not None else None)
+
+
 def test_robots_on_the_circle_that_need_not_spread() -> None:
     samples = [Sample(k / 10, ring(0.0, 0.1, 0.2), CIRCLE) for k in range(601)]
     sheet = report(observed({"spreads": False}, samples=samples), Checks(settle_time=40.0))
@@ -498,7 +511,7 @@ def test_the_summary_of_the_fleet_is_in_the_units_of_the_rows() -> None:
 def test_one_of_a_thing_is_in_the_singular() -> None:
     (separation,) = [line for line in lines_of(observed(collisions=1)) if line.startswith("min separation")]
     assert separation.endswith(", 1 collision")
-    assert lines_of(observed(robots=("r1",), samples=()), Checks())[0].startswith("pursuit: 1 robot, 60 s")
+    assert summary(replace(score_run(observed(), Checks()), robots=1)).startswith("pursuit: 1 robot, 60 s")
     assert [counted(n, "round") for n in (0, 1, 2)] == ["0 rounds", "1 round", "2 rounds"]
 
 

@@ -102,13 +102,13 @@ async def test_a_refusal_says_how_large_a_circle_may_be() -> None:
 
 async def test_a_circle_on_which_the_fleet_would_touch_is_refused() -> None:
     """Three robots of 0.177 m radius touch on a circle below 0.2044 m; two do not."""
-    with pytest.raises(OrderRefused, match=r"^order: circle\.radius: got 3 robots on a circle of 0\.2 m"):
+    with pytest.raises(OrderRefused, match=r"^circle\.radius: got 3 robots on a circle of 0\.2 m"):
         await fresh().set_circle(SetCircle(radius=0.2))
     await fresh(robots=2).set_circle(SetCircle(radius=0.2))
     kept = fresh()
     await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r2",)))
     await kept.set_circle(SetCircle(radius=0.2))  # the one between them does not pursue
-    with pytest.raises(OrderRefused, match=r"^order: circle\.radius: got 3 robots"):
+    with pytest.raises(OrderRefused, match=r"^circle\.radius: got 3 robots"):
         await kept.set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": 0.15}, names=("r2",)))
 
 
@@ -198,6 +198,11 @@ async def test_a_behaviour_order_to_an_unknown_robot_is_refused() -> None:
     with pytest.raises(OrderRefused, match=r"^robot r8, r9: expected names out of r1, r2, r3$"):
         await kept.set_behaviour(SetBehaviour(behaviour="hold", names=("r1", "r8", "r9")))
     assert kept.state == before
+
+
+async def test_a_refused_behaviour_order_begins_with_the_key() -> None:
+    with pytest.raises(OrderRefused, match=r"^behaviour\.cruise: got -1 \(integer\), expected a number at least 0"):
+        await fresh().set_behaviour(SetBehaviour(behaviour="pursuit", parameters={"cruise": -1}))
 
 
 # ---- stop and resume
@@ -753,12 +758,60 @@ async def test_a_change_is_on_the_disk_before_it_is_answered(tmp_path: Path) -> 
 async def test_all_of_it_is_in_the_file_when_that_is_synced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a buffer still holds is lost with the power."""
     synced: list[bytes] = []
-    monkeypatch.setattr(os, "fsync", lambda fd: synced.append(Path(f"/proc/self/fd/{fd}").read_bytes()))
+
+    def sync(fd: int) -> None:
+        file = Path(f"/proc/self/fd/{fd}")
+        if file.is_file():
+            synced.append(file.read_bytes())
+
+    monkeypatch.setattr(os, "fsync", sync)
     path = tmp_path / "state.json"
     kept = fresh(path)
     await kept.add_stop(Stop(names=("r2",)))
     assert [msgspec.json.decode(data, type=KeptState) for data in synced] == [kept.state]
     assert path.read_bytes() == synced[0]
+
+
+async def test_the_files_new_name_is_synced_before_a_stop_is_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    steps: list[str] = []
+    replace = Path.replace
+
+    def sync(fd: int) -> None:
+        steps.append(f"sync {Path(f'/proc/self/fd/{fd}').resolve().name}")
+
+    def rename(file: Path, target: Path) -> Path:
+        steps.append(f"rename {file.name} to {target.name}")
+        return replace(file, target)
+
+    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(Path, "replace", rename)
+    await kept.add_stop(Stop())
+    new, folder = "state.json.1.new", tmp_path.name
+    assert steps == [f"sync {new}", f"rename {new} to state.json", f"sync {folder}"]
+
+
+async def test_a_folder_that_hangs_keeps_no_other_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = fresh(tmp_path / "state.json")
+    hangs, released = threading.Event(), threading.Event()
+
+    def sync(fd: int) -> None:
+        if Path(f"/proc/self/fd/{fd}").is_dir() and not hangs.is_set():
+            hangs.set()
+            released.wait(seconds(30))
+
+    monkeypatch.setattr(os, "fsync", sync)
+    first = asyncio.ensure_future(kept.add_stop(Stop(names=("r1",))))
+    try:
+        assert await asyncio.to_thread(hangs.wait, seconds(10))
+        await asyncio.wait_for(kept.add_stop(Stop(names=("r2",))), seconds(10))
+        assert not first.done()
+    finally:
+        released.set()
+    await first
 
 
 async def test_a_half_written_file_is_never_the_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

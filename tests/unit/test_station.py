@@ -410,6 +410,26 @@ async def test_a_stop_is_published_before_the_disk_has_it(tmp_path: Path, monkey
         assert StateStore(LAB, tmp_path / "state.json").stop.names == ("r2",)
 
 
+def test_a_stop_is_published_at_once_and_not_with_the_next_repetition(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk hangs for good, and the state is repeated only in half a second."""
+
+    async def main() -> None:
+        async with lab() as there, station(there):
+            stop = there.bus.latest(channels.STOP)
+            await stop.next()
+            monkeypatch.setattr(StateStore, "_written", lambda *_: asyncio.get_running_loop().create_future())
+            stopping = asyncio.create_task(there.ask(channels.STOP_ORDER, Stop(names=("r2",))))
+            await asyncio.sleep(0.01)
+            newest = stop.get()
+            assert newest is not None
+            assert newest.message.names == ("r2",)
+            assert not stopping.done()
+            stopping.cancel()
+            await asyncio.wait({stopping})
+
+    run_virtually(main())
+
+
 async def test_a_resume_that_a_stop_overtakes_lifts_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Hanging()
     path = tmp_path / "state.json"

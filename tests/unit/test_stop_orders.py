@@ -312,6 +312,17 @@ async def test_resume_of_one_waits_for_that_one_alone(there: Lab) -> None:
 
 
 @virtual
+async def test_a_robot_that_reports_nothing_has_not_resumed(there: Lab) -> None:
+    await there.agents("r1")
+    await there.base_station()
+    silent = await there.join(Role.AGENT)
+    silent.announce(Role.AGENT, "r3")
+    result = await resume_robots(there.operator, ())
+    assert result.reply.accepted
+    assert result.still_stopped == ("r3",)
+
+
+@virtual
 async def test_a_base_station_that_starts_just_now_is_waited_for(there: Lab) -> None:
     await there.agents("r1")
     station = await there.join(Role.BASESTATION)

@@ -82,17 +82,21 @@ def test_wheels_at_rest_take_one_step_however_long_they_are_silent(silent: float
     assert distance(it, 0.0, 5.0 + silent) == pytest.approx(distance(it, 0.0, 3.0), abs=1e-5)
 
 
-def test_wheels_that_still_roll_and_those_that_are_commanded_take_short_steps() -> None:
+@pytest.mark.parametrize(("v", "omega"), [(0.3, 0.0), (0.0, -1.0)])
+def test_wheels_that_still_roll_take_short_steps(v: float, omega: float) -> None:
     it = track()
-    it.twist(0.0, 0.3, 0.0)
+    it.twist(0.0, v, omega)
     it.command(0.0, 0.0, 0.0)
     braking = it._ahead(0.3)
     assert max(b - a for (a, *_), (b, *_) in itertools.pairwise([(0.0,), *braking])) <= LONGEST_ARC + 1e-9
+
+
+def test_wheels_at_rest_take_short_steps_from_their_next_command_on() -> None:
     it = track()
     it.twist(0.0, 0.0, 0.0)
     it.command(0.0, 0.0, 0.0)
-    it.command(0.2, 0.3, 0.0)  # at rest until then
-    assert [knot[0] for knot in it._ahead(0.3)] == pytest.approx([0.2, 0.25, 0.3], abs=1e-6)
+    it.command(0.1, 0.3, 0.0)  # at rest until then
+    assert [knot[0] for knot in it._ahead(0.2)] == pytest.approx([0.1, 0.15, 0.2], abs=1e-6)
 
 
 events = st.tuples(st.sampled_from(["twist", "command", "forget"]), st.floats(-10.0, 40.0), st.floats(-1.0, 1.0))
