@@ -215,3 +215,46 @@ def test_a_behaviour_is_named_in_its_own_file_only() -> None:
                 if isinstance(name, str) and name in table.names() and name not in allowed:
                     found.append(f"{relative}:{node.lineno}: {name!r}")
     assert not found
+
+
+def test_a_behaviour_is_imported_by_those_who_build_on_it_only() -> None:
+    """All others go through the table. These use one behaviour as a part, whichever the robots run: a robot's methods
+    ``velocity`` and ``goal`` are circle following and a ride; the rollout of circle following steps that behaviour;
+    the base station refuses a circle without room for the robots even while none of them follows it.
+    """
+    allowed = {
+        "agents/robot.py": {"circle", "dubins"},
+        "muro_zenoh/simulation/rollout/runs.py": {"circle"},
+        "basestation/fleet/kept_state.py": {"circle"},
+    }
+    home = Path(table.__file__).parent
+    found: dict[str, set[str]] = {}
+    for package in ("muro_zenoh", "agents", "basestation"):
+        for path in (ROOT / package).rglob("*.py"):
+            named = _imported_behaviours(path.read_text(encoding="utf-8"))
+            if named and (path.parent != home or path.stem not in table.names()):
+                found[path.relative_to(ROOT).as_posix()] = named
+    table_file = found.pop("muro_zenoh/behaviours/table.py")
+    assert table_file == {table.DEFAULT}
+    assert found == allowed
+
+
+def _imported_behaviours(text: str) -> set[str]:
+    modules: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            modules.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            modules.update(f"{node.module}.{alias.name}" for alias in node.names)
+    package = "muro_zenoh.behaviours."
+    words = {name.removeprefix(package).partition(".")[0] for name in modules if name.startswith(package)}
+    return words & set(table.names())
+
+
+def test_imports_of_behaviours_are_found_in_each_of_their_forms() -> None:
+    forms = [
+        "from muro_zenoh.behaviours import hold, table",
+        "from muro_zenoh.behaviours.circle import CircleFollowing",
+    ]
+    assert [_imported_behaviours(text) for text in forms] == [{"hold"}, {"circle"}]
+    assert _imported_behaviours("def f():\n    import muro_zenoh.behaviours.dubins as d") == {"dubins"}

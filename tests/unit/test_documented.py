@@ -1,4 +1,4 @@
-"""Every public argument of a law is documented: what it is, in which unit, in which frame."""
+"""Every public argument of a law is documented: what it is, in which unit, in which frame; and links lead somewhere."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import muro_zenoh
 
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LAWS = ("control", "planning", "estimation", "safety", "simulation", "arcs", "geometry")
 
 
@@ -106,3 +109,26 @@ def test_an_undocumented_argument_is_found() -> None:
 
     assert _undocumented(documented) == []
     assert _undocumented(forgotten) == ["radius"]
+
+
+def _targets(page: str) -> list[str]:
+    """The files that a page's links and pictures name, without the place in the file; none of the web."""
+    prose = re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)
+    links = re.findall(
+        r"\]\(\s*<?([^\s)>]+)|^\[[^\]]+\]:\s+(\S+)|(?:src|href|srcset)=\"([^\"]+)\"", prose, re.MULTILINE
+    )
+    found = (next(filter(None, groups)).partition("#")[0] for groups in links)
+    return [target for target in found if target and not re.match(r"[a-z][a-z0-9+.-]*:", target)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_relative_link_leads_to_a_file(page: Path) -> None:
+    gone = [target for target in _targets(page.read_text(encoding="utf-8")) if not (page.parent / target).exists()]
+    assert not gone
+
+
+def test_links_are_found() -> None:
+    links = '[a](a.md#part) ![b](b.svg)\n[c]: c.md\n<img src="d.png">\n'
+    page = links + "[web](https://x.org) [here](#part)\n```\n[e](e)\n```\n"
+    assert _targets(page) == ["a.md", "b.svg", "c.md", "d.png"]
+    assert sum(len(_targets(page.read_text(encoding="utf-8"))) for page in PAGES) > 40
