@@ -138,6 +138,13 @@ def test_the_least_rises_by_6_ms_for_each_half_minute_that_is_over(at: float, ex
     assert delays[-1] == pytest.approx(extra, abs=1e-4)
 
 
+@pytest.mark.parametrize(("late", "after_an_hour"), [(0.033, 0.0), (0.039, 0.039)])
+def test_a_path_that_grew_by_up_to_30_ms_and_the_drift_is_taken_in(late: float, after_an_hour: float) -> None:
+    """The drift of half a minute is 6 ms, so the limit is at 36 ms."""
+    delays = offsets_of(lambda t: late if t >= 120.0 else 0.0, period=0.1, hours=1)
+    assert delays[-1] == pytest.approx(after_an_hour, abs=1e-6)
+
+
 def test_of_many_writers_the_four_heard_last_are_remembered() -> None:
     tracker = DelayTracker()
     for epoch in (1, 2, 3, 4, 1, 5):  # the one that goes is 2
