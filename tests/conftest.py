@@ -30,7 +30,7 @@ def logs_as_they_were() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def environment_as_it_was() -> Iterator[None]:
-    """Restore the environment after each test: finding a scenario's file names its folder to the processes it starts."""
+    """Restore the environment after each test: finding a scenario's file names its folder to later processes."""
     before = dict(os.environ)
     yield
     if os.environ != before:
