@@ -123,6 +123,13 @@ def test_a_wrong_number_locks_its_writer_out_no_longer_than_its_command_lasts(la
         assert driven.obey(later + 0.05, seq=6) == DRIVING
 
 
+def test_at_the_moment_at_which_a_command_expires_an_overtaken_one_is_still_ignored() -> None:
+    driven = Driven()
+    driven.base.obey(Received("r1", VelocityCommand(v=0.0, omega=0.1, epoch=7, seq=9), 0.0, 0.3, 0.0), 0.0)
+    driven.base.obey(Received("r1", VelocityCommand(v=0.2, omega=0.1, epoch=7, seq=8), 0.0, 0.0, 0.0), 0.0)
+    assert driven.wheels.now == ZEROED
+
+
 def test_commands_without_a_number_are_all_obeyed() -> None:
     driven = Driven()
     assert driven.obey(0.0, v=0.0) == ZEROED

@@ -469,6 +469,11 @@ def test_the_summary_of_a_quiet_run_says_nothing_of_stops_and_failures() -> None
             ALL_CHECKS,
             "NOT PASSED (the behaviour of r2 failed or ended early)",
         ),
+        (
+            {"failures": {"r2": "behaviour lab:swim: out of water", "r1": "behaviour lab:swim: ended"}},
+            ALL_CHECKS,
+            "NOT PASSED (the behaviour of r1 r2 failed or ended early)",
+        ),
     ],
 )
 def test_the_summary_ends_with_the_verdict_and_why(changes: dict[str, Any], checks: Checks, line: str) -> None:
