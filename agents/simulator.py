@@ -19,7 +19,7 @@ from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.simulation.starts import random_starts
+from muro_zenoh.simulation.starts import starts_of
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ class Room:
         robots = list(scenario.robot.values())
         hidden = scenario.simulation
         radii = np.array([robot.radius for robot in robots])
-        starts = random_starts(rng, len(robots), scenario.arena, radii)
+        starts = starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii)
         limits = [robot.wheels for robot in robots]
         self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
         self.floor = Floor(self.plant, bus.clock)

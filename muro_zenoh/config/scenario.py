@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import msgspec
 
@@ -13,6 +13,7 @@ from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.files import read_file
+from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.overrides import apply_overrides, numbered_robots
 from muro_zenoh.config.reading import check_keys, read_section, read_table, read_value
@@ -26,10 +27,13 @@ from muro_zenoh.config.sections import (
     RobotSettings,
     Scenario,
     Simulation,
+    StartRow,
 )
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
+
+T = TypeVar("T")
 
 PROCESSES: Final = ("muro", "router", "simulator", "basestation")
 """The names of the processes of a run that are not agents. An agent's is its robot's, so no robot has one of these."""
@@ -43,7 +47,20 @@ _SECTIONS: Final[dict[str, Any]] = {
 }
 """The sections that are one value each, with their defaults."""
 
-_TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
+_TOP = (
+    "fleet",
+    "description",
+    "duration",
+    "robots",
+    "all",
+    "robot",
+    "camera",
+    "behaviour",
+    "goals",
+    "starts",
+    "order",
+    *_SECTIONS,
+)
 
 
 def load_scenario(
@@ -99,6 +116,11 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
             _name(key, origin, f"goals.{key}"): read_value(tuple[GoalRow, ...], rows, origin, f"goals.{key}")
             for key, rows in _table(table, "goals", origin).items()
         },
+        starts={
+            _name(key, origin, f"starts.{key}"): read_value(StartRow, row, origin, f"starts.{key}")
+            for key, row in _table(table, "starts", origin).items()
+        },
+        orders=_rows(OrderRow, table, "order", origin),
         **sections,
     )
     check_feasible(scenario, origin)
@@ -116,6 +138,14 @@ def as_table(scenario: Scenario) -> dict[str, Any]:
 
 def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, Any]:
     return read_table(table.get(key, {}), origin, key)
+
+
+def _rows(kind: type[T], table: Mapping[str, Any], key: str, origin: Origin) -> tuple[T, ...]:
+    """The rows of ``[[key]]``."""
+    rows = table.get(key, ())
+    if not isinstance(rows, list | tuple):
+        raise ConfigError(origin.at(key), got=show(rows), expected=f"rows [[{key}]]")
+    return tuple(read_section(kind, row, origin, f"{key}[{index}]") for index, row in enumerate(rows))
 
 
 def _name(name: str, origin: Origin, path: str) -> str:

@@ -9,6 +9,7 @@ from msgspec import Meta, field
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
+from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.schema import Section
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
@@ -30,6 +31,7 @@ from muro_zenoh.quantities import (
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
+StartRow = Annotated[tuple[Number, ...], Meta(min_length=3, max_length=3)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
@@ -205,6 +207,8 @@ class Scenario(Section, frozen=True, kw_only=True):
         goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
+        starts: poses ``[x, y, theta]`` [m, world; rad] of the simulated robots by name; empty for random ones.
+        orders: what an operator orders during a check, and when, from ``[[order]]``.
     """
 
     name: str
@@ -219,20 +223,24 @@ class Scenario(Section, frozen=True, kw_only=True):
     goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
+    starts: dict[Name, StartRow] = field(default_factory=dict)
+    orders: tuple[OrderRow, ...] = field(default=(), name="order")
 
-    def behaviour_of(self, name: str) -> BehaviourSettings:
-        """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.
+    def behaviour_of(self, name: str, behaviour: BehaviourSettings | None = None) -> BehaviourSettings:
+        """A robot's behaviour: the common one, with the robot's own goals among the parameters.
 
         Args:
             name: of the robot.
+            behaviour: the common one; None for the initial one.
         """
+        common = behaviour or self.behaviour
         goals = self.goals.get(name)
-        if not goals or ":" in self.behaviour.name:  # a user's own is loaded where it runs
-            return self.behaviour
-        kind = table.find(self.behaviour.name)
+        if not goals or ":" in common.name:  # a user's own is loaded where it runs
+            return common
+        kind = table.find(common.name)
         if not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
-            return self.behaviour
-        return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
+            return common
+        return BehaviourSettings(name=common.name, parameters={**common.parameters, "goals": goals})
 
     def vehicle(self, name: str) -> Vehicle:
         """A robot as input of its behaviour.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +13,33 @@ from muro_zenoh.geometry import Bounds
 
 _TRIES = 400
 _LAYOUTS = 50
+
+
+def starts_of(
+    given: Mapping[str, Sequence[float]],
+    names: Sequence[str],
+    rng: np.random.Generator,
+    bounds: Bounds,
+    radii: Array,
+) -> Array:
+    """The poses at which robots start: the given ones, or random ones.
+
+    Args:
+        given: x, y [m, world], theta [rad] by name, of all robots or of none.
+        names: the robots.
+        rng: the generator.
+        bounds: the arena.
+        radii: of the bodies (n,) [m].
+
+    Returns:
+        (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
+
+    Raises:
+        PlanningError: the robots do not fit.
+    """
+    if given:
+        return np.array([given[name] for name in names], dtype=np.float64)
+    return random_starts(rng, len(names), bounds, radii)
 
 
 def random_starts(
