@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
 import time
@@ -103,10 +104,8 @@ class _Worker:
         self.alive = True
 
     def send(self, task: Any) -> None:
-        try:
+        with contextlib.suppress(ConnectionError):  # it is dead: receive() says so
             self.connection.send(task)
-        except (BrokenPipeError, ConnectionError):
-            pass  # it is dead: receive() says so
 
     def receive(self, task: Any) -> Done[Any, Any]:
         try:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from msgspec import field
+
 from muro_zenoh.config.schema import Section
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Duration
@@ -24,4 +26,4 @@ class OrderRow(Section, frozen=True, kw_only=True):
     kind: Literal["behaviour", "stop", "resume"] = "behaviour"
     robots: tuple[Name, ...] = ()
     behaviour: str = ""
-    parameters: dict[str, Value] = {}
+    parameters: dict[str, Value] = field(default_factory=dict)

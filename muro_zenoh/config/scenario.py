@@ -11,6 +11,7 @@ import msgspec
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.descriptions import show
+from muro_zenoh.config.fault_rows import read_faults
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.files import read_file
 from muro_zenoh.config.order import OrderRow
@@ -59,6 +60,7 @@ _TOP = (
     "goals",
     "starts",
     "order",
+    "fault",
     *_SECTIONS,
 )
 
@@ -105,11 +107,12 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         _name(key, origin, f"camera.{key}"): read_section(CameraSettings, value, origin, f"camera.{key}")
         for key, value in _table(table, "camera", origin).items()
     }
+    robot = _robots(table, origin, robots)
     scenario = Scenario(
         name=name,
         description=read_value(str, table.get("description", ""), origin, "description"),
         duration=read_value(Period, table.get("duration", 60.0), origin, "duration"),
-        robot=_robots(table, origin, robots),
+        robot=robot,
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", origin), origin),
         goals={
@@ -121,6 +124,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
             for key, row in _table(table, "starts", origin).items()
         },
         orders=_rows(OrderRow, table, "order", origin),
+        faults=read_faults(table.get("fault", []), origin, robot, cameras),
         **sections,
     )
     check_feasible(scenario, origin)
@@ -193,4 +197,6 @@ def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list):
+        return [_without_none(item) for item in value]
     return value
