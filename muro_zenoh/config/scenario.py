@@ -197,6 +197,6 @@ def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_without_none(item) for item in value]
     return value

@@ -9,8 +9,8 @@ from msgspec import Meta, field
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
-from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.faults import Fault
+from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.schema import Section
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view

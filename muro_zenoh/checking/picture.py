@@ -1,0 +1,120 @@
+"""The picture of a breach: the floor when it happened, and what the robots concerned did before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from muro_zenoh.checking.promises import CAMERA_AGE, COMMAND_AGE, Breach
+from muro_zenoh.checking.trace import Trace
+from muro_zenoh.figures.canvas import BLUE, GREY, ORANGE, PAGE, PALE, plan_view, save, sheet, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_BEFORE: Final = 5.0
+"""What is drawn of the time before a breach [s] ..."""
+
+_AFTER: Final = 1.0
+"""... and after it [s]."""
+
+_DASHES: Final[tuple[Any, ...]] = ("-", (0, (4, 2)), (0, (1, 1)), (0, (4, 1, 1, 1)))
+
+
+def draw_breach(trace: Trace, breach: Breach, path: Path) -> None:
+    """Draw a breach.
+
+    Args:
+        trace: the trial.
+        breach: the breach.
+        path: the file; its suffix, ``.svg`` or ``.png``, selects the format.
+
+    Raises:
+        MissingExtra: matplotlib is not installed.
+        MuroError: the file cannot be written.
+    """
+    with style():
+        figure, (floor, speeds, ages) = sheet(PAGE, 6.4, 3, 1, height_ratios=(3.2, 1.0, 1.0))
+        figure.suptitle(f"seed {trace.seed}: {breach}")
+        _floor(floor, trace, breach)
+        rows = _rows(trace, breach)
+        for number, name in enumerate(breach.robots or trace.names):
+            i, dashes = trace.names.index(name), _DASHES[number % len(_DASHES)]
+            time = trace.time[rows]
+            speeds.plot(time, trace.command[rows, i, 0], color=BLUE, linestyle=dashes, label=f"{name} commanded")
+            speeds.plot(time, trace.twist[rows, i, 0], color=GREY, linestyle=dashes, label=f"{name} true")
+            ages.plot(time, time - trace.good_command[rows, i], color=BLUE, linestyle=dashes, label=f"{name} command")
+            ages.plot(time, time - trace.good_pose[rows, i], color=ORANGE, linestyle=dashes, label=f"{name} pose")
+        ages.axhline(COMMAND_AGE, color=BLUE, linewidth=0.5)
+        ages.axhline(CAMERA_AGE, color=ORANGE, linewidth=0.5)
+        ages.set_ylim(0.0, 2.0)
+        speeds.set_ylabel("v [m/s]")
+        ages.set_ylabel("age [s]")
+        ages.set_xlabel("time [s]")
+        for axes in (speeds, ages):
+            axes.set_xlim(float(trace.time[rows[0]]), float(trace.time[rows[-1]]))
+            axes.axvline(breach.time, color=ORANGE, linewidth=0.8)
+            _faults(axes, trace)
+            axes.legend(loc="upper left", ncols=2)
+        save(figure, path)
+
+
+def _rows(trace: Trace, breach: Breach) -> Any:
+    first, last = np.searchsorted(trace.time, (breach.time - _BEFORE, breach.time + _AFTER))
+    return np.arange(min(first, len(trace.time) - 1), max(last, first + 1))
+
+
+def _floor(axes: Axes, trace: Trace, breach: Breach) -> None:
+    from matplotlib.patches import Circle, Rectangle
+
+    plan_view(axes)
+    arena = trace.scenario.arena
+    axes.add_patch(Rectangle((arena.x_min, arena.y_min), arena.width, arena.height, fill=False, edgecolor=GREY))
+    axes.set_xlim(arena.x_min - 0.3, arena.x_max + 0.3)
+    axes.set_ylim(arena.y_min - 0.3, arena.y_max + 0.3)
+    now = min(int(np.searchsorted(trace.time, breach.time)), len(trace.time) - 1)
+    rows: Sequence[int] = _rows(trace, breach)
+    for i, name in enumerate(trace.names):
+        color = ORANGE if name in breach.robots else BLUE
+        x, y, theta = trace.pose[now, i]
+        radius = trace.scenario.robot[name].radius
+        axes.plot(*trace.pose[rows, i, :2].T, color=color, linewidth=0.8)
+        axes.add_patch(Circle((x, y), radius, facecolor=PALE, edgecolor=color, zorder=3))
+        axes.plot((x, x + radius * np.cos(theta)), (y, y + radius * np.sin(theta)), color=color, zorder=4)
+        axes.annotate(name, (x, y), ha="center", va="center", fontsize=7.0, zorder=5)
+
+
+def _faults(axes: Axes, trace: Trace) -> None:
+    for effect in trace.effects:
+        axes.axvspan(effect.start, min(effect.end, float(trace.time[-1])), color=PALE, zorder=0)
+
+
+def story(trace: Trace, breaches: Sequence[Breach]) -> list[str]:
+    """What happened in a trial, in words, in the order of time: faults, orders, reasons of the robots of the breaches.
+
+    Args:
+        trace: the trial.
+        breaches: its breaches.
+    """
+    concerned = {name for breach in breaches for name in breach.robots}
+    lines: list[tuple[float, str]] = []
+    for effect in trace.effects:
+        lines.append((effect.start, f"{effect.fault.kind} of {effect.fault.target} begins to have an effect"))
+        if effect.end < trace.time[-1]:
+            lines.append((effect.end, f"{effect.fault.kind} of {effect.fault.target} is over"))
+    for given in trace.orders:
+        order = given.order
+        answer = "accepted" if given.accepted else "not accepted"
+        whom = " ".join(order.robots) or "all robots"
+        lines.append((given.time, f"order: {order.behaviour or order.kind} for {whom}: {answer}"))
+    before: dict[str, tuple[str, ...]] = {}
+    for report in trace.reports:
+        changed = before.get(report.process) != report.reasons
+        before[report.process] = report.reasons
+        if changed and (report.process in concerned or report.process == "basestation"):
+            lines.append((report.time, f"{report.process}: {', '.join(report.reasons) or 'drives'}"))
+    lines += [(breach.time, f"BREACH of {breach.promise!r}: {breach.what}") for breach in breaches]
+    return [f"{time:7.2f} s  {line}" for time, line in sorted(lines, key=lambda line: line[0])]
