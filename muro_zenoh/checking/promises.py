@@ -287,11 +287,9 @@ def _inside(trace: Trace) -> Judgement:
         x, y = trace.pose[:, i, 0], trace.pose[:, i, 1]
         over = np.maximum.reduce([arena.x_min - x, x - arena.x_max, arena.y_min - y, y - arena.y_max]) + radius
         out = over > _OUTSIDE
-        # One that was put down outside comes in by itself, or it does not: either way that was not its doing.
-        excused = disturbed[:, i].copy()
-        for k in np.flatnonzero(out[1:] & excused[:-1]) + 1:
-            excused[k] = True
-        for first, last in _episodes(out & ~excused):
+        for first, last in _episodes(out):
+            if disturbed[first, i]:
+                continue  # it was put down there, or driven there by somebody else
             far = float(over[first:last].max())
             what = f"{name} leaves the arena (by {far:.2f} m)"
             breaches.append(Breach("inside", float(trace.time[first]), (name,), what))
