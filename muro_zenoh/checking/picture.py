@@ -11,6 +11,7 @@ import numpy as np
 from muro_zenoh.checking.promises import CAMERA_AGE, COMMAND_AGE, Breach
 from muro_zenoh.checking.trace import Trace
 from muro_zenoh.figures.canvas import BLUE, GREY, ORANGE, PAGE, PALE, plan_view, save, sheet, style
+from muro_zenoh.runtime.waiting import without_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,28 +94,39 @@ def _faults(axes: Axes, trace: Trace) -> None:
 
 
 def story(trace: Trace, breaches: Sequence[Breach]) -> list[str]:
-    """What happened in a trial, in words, in the order of time: faults, orders, reasons of the robots of the breaches.
+    """What happened in a trial, in words, in the order of time: the faults, the orders, and the reasons of the base
+    station and of the robots that the faults or the first breach concern.
 
     Args:
         trace: the trial.
-        breaches: its breaches.
+        breaches: its breaches, the first one first.
     """
-    concerned = {name for breach in breaches for name in breach.robots}
     lines: list[tuple[float, str]] = []
     for effect in trace.effects:
-        lines.append((effect.start, f"{effect.fault.kind} of {effect.fault.target} begins to have an effect"))
+        what = f"{effect.fault.kind} of {effect.fault.target}"
+        concerned = ", ".join(f"{name} {activity}" for name, activity in effect.robots.items())
+        lines.append((effect.start, f"{what} begins to have an effect ({concerned})"))
         if effect.end < trace.time[-1]:
-            lines.append((effect.end, f"{effect.fault.kind} of {effect.fault.target} is over"))
+            lines.append((effect.end, f"{what} is over"))
     for given in trace.orders:
         order = given.order
-        answer = "accepted" if given.accepted else "not accepted"
+        answer = "" if given.accepted else " (not accepted)"
         whom = " ".join(order.robots) or "all robots"
-        lines.append((given.time, f"order: {order.behaviour or order.kind} for {whom}: {answer}"))
+        lines.append((given.time, f"order: {order.behaviour or order.kind} for {whom}{answer}"))
+    lines += [(breach.time, f"BROKEN: {breach.what} [{breach.promise}]") for breach in breaches]
+    concerned_robots = {"basestation", *(name for breach in breaches[:1] for name in breach.robots)}
+    concerned_robots |= {effect.fault.robot for effect in trace.effects}
+    lines += _said(trace, concerned_robots)
+    return [f"{time:7.2f} s  {line}" for time, line in sorted(lines, key=lambda line: line[0])]
+
+
+def _said(trace: Trace, processes: set[str]) -> list[tuple[float, str]]:
+    """What processes reported when it was new, those that said the same at one time in one line."""
+    said: dict[tuple[float, tuple[str, ...]], list[str]] = {}
     before: dict[str, tuple[str, ...]] = {}
     for report in trace.reports:
-        changed = before.get(report.process) != report.reasons
-        before[report.process] = report.reasons
-        if changed and (report.process in concerned or report.process == "basestation"):
-            lines.append((report.time, f"{report.process}: {', '.join(report.reasons) or 'drives'}"))
-    lines += [(breach.time, f"BREACH of {breach.promise!r}: {breach.what}") for breach in breaches]
-    return [f"{time:7.2f} s  {line}" for time, line in sorted(lines, key=lambda line: line[0])]
+        words = without_numbers(report.reasons)
+        if report.process in processes and before.get(report.process, ()) != words:
+            said.setdefault((report.time, report.reasons), []).append(report.process)
+        before[report.process] = words
+    return [(time, f"{', '.join(names)}: {', '.join(what) or '-'}") for (time, what), names in said.items()]

@@ -331,7 +331,7 @@ PROMISES: Final = (
     Promise("driven into", "nobody drives into a disturbed robot that stands", _driven_into, always=False),
     Promise("named", f"a disturbed robot is named on health within {NAMED_WITHIN:g} s", _named, always=False),
     Promise("blind", f"zero {COMMAND_AGE:g} s after the last good information ({CAMERA_AGE:g} s: camera)", _blind),
-    Promise("braking", "after a zero a robot travels at most its braking distance", _braking),
+    Promise("braking", "after a zero a robot travels at most its braking distance", _braking, always=False),
     Promise("stop", f"a stopped robot stands, from {COMMAND_AGE:g} s on until it is resumed", _stop, always=False),
     Promise("inside", "nobody leaves the arena", _inside),
     Promise("behaves", "no behaviour fails or ends by itself", _behaves),

@@ -61,15 +61,13 @@ def random_trial(seed: int) -> Scenario:
 
 
 def faulty(scenario: Scenario, faults: int, seed: int) -> Scenario:
-    """A scenario with random faults, for one that has none of its own.
+    """A scenario with random faults.
 
     Args:
         scenario: the scenario.
         faults: number of faults.
         seed: of the faults.
     """
-    if scenario.faults:
-        return scenario
     draw = _Draw(seed)
     rows = [draw.any_fault(list(scenario.robots), list(scenario.camera)) for _ in range(faults)]
     return parse_scenario({**as_table(scenario), "fault": rows}, scenario.name, name=scenario.name)

@@ -20,7 +20,7 @@ RANDOM: Final = "random"
 """The built-in check."""
 
 FAULTS: Final = 2
-"""Random faults in each trial of a scenario that has none of its own."""
+"""Random faults in each trial of a scenario without faults, orders and starts of its own."""
 
 QUICK_ROBOTS: Final = 4
 QUICK_DURATION: Final = 12.0
@@ -35,7 +35,7 @@ class Trials:
 
     Args:
         scenario: what all trials have in common; None for random ones.
-        faults: number of random faults in a trial whose scenario has none.
+        faults: number of random faults in each.
     """
 
     scenario: Scenario | None
@@ -47,7 +47,9 @@ class Trials:
         Args:
             seed: the seed.
         """
-        return random_trial(seed) if self.scenario is None else faulty(self.scenario, self.faults, seed)
+        if self.scenario is None:
+            return random_trial(seed)
+        return faulty(self.scenario, self.faults, seed) if self.faults else self.scenario
 
 
 def trials_of(
@@ -83,12 +85,11 @@ def trials_of(
     if quick and robots is None:
         few = scenario.robots[:QUICK_ROBOTS]
         scenario = msgspec.structs.replace(scenario, robot={name: scenario.robot[name] for name in few})
-    if not scenario.faults and not scenario.orders:
-        usual = QUICK_DURATION if quick else DURATION
-        scenario = msgspec.structs.replace(scenario, duration=duration or min(usual, scenario.duration))
-    elif duration is not None:
-        scenario = msgspec.structs.replace(scenario, duration=duration)
-    return Trials(scenario, 0 if quick else FAULTS)
+    # One that says itself what happens is taken as it is: a trial that was written down to be repeated.
+    is_complete = bool(scenario.faults or scenario.orders or scenario.starts)
+    usual = scenario.duration if is_complete else min(QUICK_DURATION if quick else DURATION, scenario.duration)
+    scenario = msgspec.structs.replace(scenario, duration=duration or usual)
+    return Trials(scenario, 0 if quick or is_complete else FAULTS)
 
 
 def _own(path: Path, function: str | None, robots: int, overrides: Mapping[str, object]) -> Scenario:

@@ -93,7 +93,8 @@ def _numbers(report: Report) -> Iterator[str]:
         yield f"  {promise.says}: {kept if evaluated else 'not evaluated'}" + (f" ({evaluated})" if evaluated else "")
     collisions = ", ".join(f"{kind} {count}" for kind, count in table["collisions"].items())
     separation = table["min_separation_m"]
-    yield f"  contacts: {collisions}; smallest gap {'-' if separation is None else f'{separation:.3f} m'}"
+    centres = "-" if separation is None else f"{separation:.3f} m"
+    yield f"  contacts: {collisions}; smallest distance of two centres {centres}"
     yield f"  same seed, same run: {report.repeated - len(report.unlike)} of {report.repeated} repeated"
 
 

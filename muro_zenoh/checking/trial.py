@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from muro_zenoh.checking.contacts import contacts, gaps
+from muro_zenoh.checking.contacts import contacts, disturbances
 from muro_zenoh.checking.coverage import Cell, cell_of
 from muro_zenoh.checking.promises import Breach, Judgement, judge
 from muro_zenoh.checking.trace import Trace
@@ -32,7 +33,7 @@ class Result(NamedTuple):
         lacks: what it lacks to count as a trial, in words; empty when it counts.
         judgements: of each promise, by its name.
         contacts: number of contacts, by class.
-        separation: the smallest gap between two bodies while both were undisturbed [m]; infinite for one robot.
+        separation: the smallest distance between the centres of two undisturbed robots [m]; infinite for one robot.
         met: the cells of the coverage table that it met.
         digest: of everything that happened; the same seed gives the same one.
     """
@@ -89,7 +90,6 @@ def result_of(trace: Trace, wall: float) -> Result:
         IncompleteTrace: not all of the trial was watched.
     """
     driving = float(np.any(trace.command != 0.0, axis=2).mean())
-    pairs = itertools.combinations(range(len(trace.names)), 2)
     return Result(
         seed=trace.seed,
         duration=float(trace.time[-1]),
@@ -98,12 +98,20 @@ def result_of(trace: Trace, wall: float) -> Result:
         lacks=_lack(trace, driving),
         judgements=judge(trace),
         contacts=Counter(str(contact.kind) for contact in contacts(trace)),
-        separation=min((float(gaps(trace, i, j).min()) for i, j in pairs), default=float("inf")),
+        separation=_separation(trace),
         met=Counter(
             {cell_of(effect.fault, activity) for effect in trace.effects for activity in effect.robots.values()}
         ),
         digest=digest_of(trace),
     )
+
+
+def _separation(trace: Trace) -> float:
+    least, disturbed = math.inf, disturbances(trace)
+    for i, j in itertools.combinations(range(len(trace.names)), 2):
+        apart = np.hypot(*(trace.pose[:, i, :2] - trace.pose[:, j, :2]).T)
+        least = min(least, float(apart.min(initial=math.inf, where=~(disturbed[:, i] | disturbed[:, j]))))
+    return least
 
 
 def _lack(trace: Trace, driving: float) -> str:

@@ -90,7 +90,7 @@ def check(
     """Check WHAT in many simulated fleets: `random`, a built-in scenario, a TOML file, or FILE.py[:function].
 
     Each trial is a whole fleet (agents, bases, base station) in virtual time, with a start, faults and noise of its own
-    seed. In WHAT without [[fault]] rows of its own each has two random faults. docs/checking.md has the promises.
+    seed, and two random faults, unless WHAT has faults, orders or starts itself. docs/checking.md has the promises.
 
     The exit code is 0 when every promise was kept, 1 when one was broken, 2 for invalid input, 130 when Ctrl-C ended
     the check early and nothing was broken until then.
@@ -121,7 +121,7 @@ def check(
     _print(report, again, quick)
     if report.broken:
         worst = report.broken[0]
-        _replay(what, trial(worst.seed), worst.seed, out, shrink, again, quiet=True)
+        _replay(what, trial(worst.seed), worst.seed, out, shrink, again, brief=True)
     raise SystemExit(0 if report.passed else 130 if report.interrupted and not report.broken else 1)
 
 
@@ -145,14 +145,16 @@ def _print(report: Report, again: str, quick: bool) -> None:
 
 
 def _replay(
-    what: str, scenario: Scenario, seed: int, out: Path | None, shrink: bool, again: str, quiet: bool = False
+    what: str, scenario: Scenario, seed: int, out: Path | None, shrink: bool, again: str, brief: bool = False
 ) -> int:
     """Run one trial again; pictures and the smallest trial go to a folder."""
+    from muro_zenoh.checking.check import quiet
     from muro_zenoh.checking.picture import story
     from muro_zenoh.checking.trial import run_trial
 
+    quiet()
     trace, result = run_trial(scenario, seed)
-    if not quiet:
+    if not brief:
         click.echo("\n".join(story(trace, result.breaches)))
         click.echo(f"seed {seed}: {result.breaches[0] if result.breaches else 'no promise broken'}")
     if not result.breaches:

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from muro_zenoh.config.scenario import as_table
-from muro_zenoh.config.sections import RobotSettings, Scenario
+from muro_zenoh.config.sections import CameraSettings, RobotSettings, Scenario
 
 
 def as_toml(scenario: Scenario) -> str:
@@ -20,13 +20,14 @@ def as_toml(scenario: Scenario) -> str:
     """
     table = as_table(scenario)
     defaults = as_table(Scenario(name=scenario.name, robot={}))
-    usual = msgspec.to_builtins(RobotSettings())
-    table["robot"] = {
-        name: {key: value for key, value in robot.items() if value != usual[key]}
-        for name, robot in table["robot"].items()
-    }
+    for section, usual in (("robot", RobotSettings()), ("camera", CameraSettings())):
+        default = msgspec.to_builtins(usual)
+        table[section] = {
+            name: {key: value for key, value in part.items() if value != default[key]}
+            for name, part in table[section].items()
+        }
     for key in list(table):
-        if key != "robot" and table[key] == defaults.get(key):
+        if key not in ("robot", "camera") and table[key] == defaults.get(key):
             del table[key]
     return "\n".join(_lines("", table)).strip() + "\n"
 
