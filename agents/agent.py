@@ -32,9 +32,9 @@ class Agent:
         settings = _robot(scenario, name)
         self._bus = bus
         self._name = name
-        self._loop = ControlLoop(name, settings)
+        self._loop = ControlLoop(name, settings, scenario.timeouts)
         self._sender = Sender(bus, name)
-        self._listener = Listener(bus, name)
+        self._listener = Listener(bus, name, scenario.timeouts)
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:

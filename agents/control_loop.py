@@ -16,7 +16,7 @@ from agents.failure import FAILURES, OnFailure
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
 from muro_zenoh.channels import Channel
-from muro_zenoh.config import RobotSettings
+from muro_zenoh.config import TIMEOUTS, RobotSettings, Timeouts
 from muro_zenoh.errors import ParameterError
 from muro_zenoh.estimation.pose_filter import FilterSettings, PoseEstimate, PoseFilter
 from muro_zenoh.geometry import STILL, Circle, State
@@ -41,13 +41,12 @@ log = logging.getLogger(__name__)
 Outgoing = list[tuple[Channel[Any], Message]]
 """Messages to send, each under this robot's name."""
 
-_REPEAT = 0.1
-"""A command is repeated, or set to zero, when none was sent for this time [s]; the base's dead-man acts after 0.3 s."""
-
 _INTENT_TIMEOUT = 0.25
 """An intent older than this is ignored [s]."""
 
-_FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
+_PAUSE = 0.5
+"""Not updated for this time, the process was frozen, or a behaviour has blocked it [s]. What was ordered meanwhile may
+still be on its way, or lost."""
 
 _FASTEST = 4.0
 """Odometry faster than this multiple of the robot's limits is invalid."""
@@ -70,6 +69,7 @@ class ControlLoop:
     Args:
         name: the robot's name.
         robot: its settings.
+        timeouts: how old a pose may be, and when the base gives up a command.
 
     Attributes:
         latch: the stop latch.
@@ -85,7 +85,7 @@ class ControlLoop:
             clears it.
     """
 
-    def __init__(self, name: str, robot: RobotSettings) -> None:
+    def __init__(self, name: str, robot: RobotSettings, timeouts: Timeouts = TIMEOUTS) -> None:
         self.latch = StopLatch()
         self.reasons: tuple[str, ...] = ()
         self.seen: Seen | None = None
@@ -97,7 +97,10 @@ class ControlLoop:
         self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
-        self._filter = PoseFilter(_FILTER, robot.wheels)
+        self._timeouts = timeouts
+        settings = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=timeouts.command)
+        self._history = settings.history
+        self._filter = PoseFilter(settings, robot.wheels)
         self._estimate: PoseEstimate | None = None
         self._behaviour: Behaviour | None = None
         self._on_failure: OnFailure | None = None
@@ -105,6 +108,8 @@ class ControlLoop:
         self._intended = -math.inf
         self._sent = -math.inf
         self._calibrated = -math.inf
+        self._updated = math.inf
+        self._paused = 0.0
         self._ended = False
 
     # ---- events
@@ -126,6 +131,9 @@ class ControlLoop:
         """
         if self._ended:
             return []
+        if now - self._updated > _PAUSE:
+            self._paused = now - self._updated
+        self._updated = now
         for t, v, omega in odometry:
             if self._is_possible(now, t, v, omega):
                 self._filter.twist(t, v, omega)
@@ -147,7 +155,8 @@ class ControlLoop:
                 self._command(now, out)
                 return out
         # A behaviour that is a task of its own commands by want(); here its command is only repeated or set to zero.
-        if now - self._sent >= _REPEAT:
+        # It is repeated three times before the base's dead-man gives it up.
+        if now - self._sent >= self._timeouts.command / 3.0:
             self._command(now, out)
         return out
 
@@ -176,16 +185,20 @@ class ControlLoop:
             self._command(now, out)
         return out
 
-    def take_stop(self, now: float, order: StopOrder) -> Outgoing:
+    def take_stop(self, now: float, order: StopOrder, age: float = 0.0) -> Outgoing:
         """Take a stop order from any sender; command zero at once when it stops this robot.
 
         Args:
             now: the time.
             order: the order.
+            age: of the order [s]. A stop counts at any age; only one that is not left over from a pause ends the wait
+                for the stop state after it.
         """
         before = self.latch, self.stopped_names
         latch, names = before
         self.latch = latch.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
+        if age <= _PAUSE and order.revision == self.latch.revision:
+            self._paused = 0.0
         # A newer order is the whole state; any other one stops more robots.
         self.stopped_names = (
             names.union(order.names) if self.latch.revision == latch.revision else frozenset(order.names)
@@ -210,7 +223,7 @@ class ControlLoop:
     # ---- from fix to state
 
     def _take(self, now: float, captured: float, fix: PoseFix) -> None:
-        if not now - _FILTER.history <= captured <= now:
+        if not now - self._history <= captured <= now:
             self.refused["fix untimely"] += 1
             return
         result = self._filter.fix(captured, fix.x, fix.y, fix.theta, fix.covariance)
@@ -225,7 +238,7 @@ class ControlLoop:
     def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
         """Whether odometry has a recent time and speeds that these wheels could have."""
         return (
-            now - _FILTER.history <= t <= now
+            now - self._history <= t <= now
             and abs(v) <= _FASTEST * self._robot.v_max
             and abs(omega) <= _FASTEST * self._robot.omega_max
         )
@@ -263,8 +276,9 @@ class ControlLoop:
         stepped = self._behaviour is None or estimate is not None
         reasons = reasons_to_hold(
             latch=self.latch,
+            pause=self._paused,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
-            fix_limit=channels.POSE.stale_after,
+            fix_limit=self._timeouts.pose,
             twist_age=now - self._intended if stepped else 0.0,
             twist_limit=_INTENT_TIMEOUT,
             hold=intent.reason if stepped and intent.twist is None else "",

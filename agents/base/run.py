@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Mapping
 from contextlib import ExitStack
 
-from agents.base.base import Base
+from agents.base.base import DEAD_MAN, Base
 from agents.base.table import check_base, find
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
@@ -31,9 +31,9 @@ class _Bases:
     """The bases of one process, on one timer and one mailbox: with a timer and a task for each robot a simulator of
     thirty would have 1,500 wake-ups a second."""
 
-    def __init__(self, bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
+    def __init__(self, bus: Bus, wheels: Mapping[str, Wheels], clock: Clock, dead_man: float) -> None:
         self._clock = clock
-        self._bases = {name: Base(name, driven) for name, driven in wheels.items()}
+        self._bases = {name: Base(name, driven, dead_man) for name, driven in wheels.items()}
         only = next(iter(wheels)) if len(wheels) == 1 else "*"
         self._commands = bus.latest(channels.CMD_VEL, only)
         self._odometry = {name: bus.publisher(channels.ODOMETRY, name) for name in wheels}
@@ -79,18 +79,19 @@ class _Bases:
                 self._states[name].put(state)
 
 
-async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
+async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock, dead_man: float = DEAD_MAN) -> None:
     """Run the bases of several robots until cancelled.
 
     Args:
         bus: the bus.
         wheels: the wheels, by the robot's name.
         clock: for ages.
+        dead_man: maximum age of a command that the wheels follow [s].
     """
-    await _Bases(bus, wheels, clock).run()
+    await _Bases(bus, wheels, clock, dead_man).run()
 
 
-async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
+async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock, dead_man: float = DEAD_MAN) -> None:
     """Run one robot's base until cancelled.
 
     Args:
@@ -98,8 +99,9 @@ async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
         name: the robot's name.
         wheels: the robot's wheels.
         clock: for ages.
+        dead_man: maximum age of a command that the wheels follow [s].
     """
-    await run_bases(bus, {name: wheels}, clock)
+    await run_bases(bus, {name: wheels}, clock, dead_man)
 
 
 async def run_base_process(scenario: Scenario, name: str) -> None:
@@ -122,4 +124,4 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
         wheels = make_wheels(robot, bus.clock)
         bus.announce(Role.BASE, name)
         ready("base", name)
-        await run_base(bus, name, wheels, bus.clock)
+        await run_base(bus, name, wheels, bus.clock, scenario.timeouts.command)

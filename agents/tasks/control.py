@@ -10,6 +10,7 @@ from agents.control_loop import ControlLoop, Outgoing, Surroundings
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
+from muro_zenoh.config import TIMEOUTS, Timeouts
 from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.messages import FleetSnapshot, Message, PoseFix, SpeedReference
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
@@ -52,9 +53,11 @@ class Listener:
     Args:
         bus: the bus.
         name: the robot's name.
+        timeouts: how old the positions of all robots may be.
     """
 
-    def __init__(self, bus: Bus, name: str) -> None:
+    def __init__(self, bus: Bus, name: str, timeouts: Timeouts = TIMEOUTS) -> None:
+        self._snapshot_timeout = timeouts.snapshot
         self._bus = bus
         self._name = name
         self._circle: Latest[CircleMessage] | None = None
@@ -88,7 +91,7 @@ class Listener:
         """
         circle = self._circle.get() if self._circle is not None else None
         speed, speed_age = _fresh(self._speed, now, channels.VELOCITY.stale_after)
-        snapshot, snapshot_age = _fresh(self._snapshot, now, channels.ALL_POSITIONS.stale_after)
+        snapshot, snapshot_age = _fresh(self._snapshot, now, self._snapshot_timeout)
         return Surroundings(
             circle.message.circle if circle is not None else None,
             speed.message.speed if speed is not None else None,

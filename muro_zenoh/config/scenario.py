@@ -27,6 +27,7 @@ from muro_zenoh.config.sections import (
     Scenario,
     Simulation,
 )
+from muro_zenoh.config.timeouts import TIMEOUTS
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
@@ -40,6 +41,7 @@ _SECTIONS: Final[dict[str, Any]] = {
     "bus": BusSettings(),
     "checks": Checks(),
     "simulation": Simulation(),
+    "timeouts": TIMEOUTS,
 }
 """The sections that are one value each, with their defaults."""
 

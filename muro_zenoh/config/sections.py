@@ -10,6 +10,7 @@ from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.schema import Section
+from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
@@ -205,6 +206,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
+        timeouts: how old what a robot drives by may be.
     """
 
     name: str
@@ -219,6 +221,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
+    timeouts: Timeouts = TIMEOUTS
 
     def behaviour_of(self, name: str) -> BehaviourSettings:
         """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.

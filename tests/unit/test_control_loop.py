@@ -12,7 +12,7 @@ from agents.control_loop import ControlLoop, Outgoing, Surroundings
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, ShownCell, Snapshot, hold
 from muro_zenoh.channels import Channel
-from muro_zenoh.config import parse_scenario
+from muro_zenoh.config import Timeouts, parse_scenario
 from muro_zenoh.estimation.pose_filter import PoseEstimate
 from muro_zenoh.geometry import Circle, Pose2, State, Twist2
 from muro_zenoh.messages import (
@@ -56,8 +56,8 @@ def free(behaviour: Behaviour | None = None) -> ControlLoop:
     return loop
 
 
-@pytest.mark.parametrize(("age", "drives"), [(0.05, True), (0.39, True), (0.41, False), (0.54, False), (60.0, False)])
-def test_a_pose_is_used_for_0_4_s_from_its_capture(age: float, drives: bool) -> None:
+@pytest.mark.parametrize(("age", "drives"), [(0.05, True), (0.24, True), (0.26, False), (0.34, False), (0.5, False)])
+def test_a_pose_is_used_for_0_25_s_from_its_capture(age: float, drives: bool) -> None:
     loop = free(Forward())
     (command,) = commands(loop.update(T0 + age, [], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
@@ -67,16 +67,74 @@ def test_a_pose_is_used_for_0_4_s_from_its_capture(age: float, drives: bool) -> 
 def test_the_age_of_a_pose_counts_from_its_capture_and_not_from_its_arrival() -> None:
     loop = free(Forward())
     captured = T0 + 0.01
-    assert commands(loop.update(captured + 0.39, [(captured, fix(0.39))], [], NOTHING)) != [(0.0, 0.0)]
+    assert commands(loop.update(captured + 0.24, [(captured, fix(0.24))], [], NOTHING)) != [(0.0, 0.0)]
     loop = free(Forward())
-    assert commands(loop.update(captured + 0.41, [(captured, fix(0.41))], [], NOTHING)) == [(0.0, 0.0)]
+    assert commands(loop.update(captured + 0.26, [(captured, fix(0.26))], [], NOTHING)) == [(0.0, 0.0)]
+
+
+def test_how_old_a_pose_may_be_and_when_a_command_is_repeated_are_settings() -> None:
+    loop = ControlLoop("r1", ROBOT, Timeouts(pose=0.5, command=0.6))
+    loop.take_stop(T0, StopOrder(all=False, revision=5))
+    loop.behave(Forward())
+    loop.update(T0, [(T0, fix())], [], NOTHING)
+    assert commands(loop.update(T0 + 0.49, [], [], NOTHING)) != [(0.0, 0.0)]
+    assert commands(loop.update(T0 + 0.51, [], [], NOTHING)) == [(0.0, 0.0)]
+    loop.behave(None)
+    assert [len(commands(loop.update(T0 + t, [], [], NOTHING))) for t in (0.7, 0.72)] == [0, 1]
+    assert loop._filter._settings.command_timeout == 0.6
+
+
+# ---- after a pause
+
+
+def woken(pause: float, behaviour: Behaviour | None = None) -> ControlLoop:
+    """A loop that drove at T0, was not updated for a while, and has a fresh pose again."""
+    loop, _ = converged(behaviour or Recorder())
+    loop.update(T0, [], [], NOTHING)
+    loop.update(T0 + pause, [], [], NOTHING)
+    return loop
+
+
+@pytest.mark.parametrize(("pause", "waits"), [(0.075, False), (0.49, False), (0.51, True), (3600.0, True)])
+def test_a_process_that_was_frozen_drives_by_nothing_before_it_knows_the_stop_state(pause: float, waits: bool) -> None:
+    loop = woken(pause)
+    for k in range(1, 5):
+        (command,) = commands(loop.update(T0 + pause + 0.1 * k, [], [], NOTHING))
+        assert (command == (0.0, 0.0)) == waits
+    assert loop.reasons == ((f"no stop state since a pause of {pause:.1f} s: waiting for the base station",) if waits else ())
+
+
+@pytest.mark.parametrize(
+    ("age", "revision", "drives"),
+    [(0.0, 5, True), (0.5, 5, True), (0.51, 5, False), (3.0, 5, False), (0.0, 0, False), (0.0, 4, False), (0.0, 6, True)],
+)
+def test_only_todays_stop_state_ends_the_wait_after_a_pause(age: float, revision: int, drives: bool) -> None:
+    loop = woken(10.0)
+    loop.take_stop(T0 + 10.0, StopOrder(all=False, names=("r2",), revision=revision), age)
+    (command,) = commands(loop.update(T0 + 10.05, [], [], NOTHING))
+    assert (command != (0.0, 0.0)) == drives
+
+
+def test_a_stop_that_was_given_during_a_pause_holds_however_late_it_comes() -> None:
+    loop = woken(10.0)
+    assert commands(loop.take_stop(T0 + 10.0, StopOrder(all=True, revision=6), 9.0)) == [(0.0, 0.0)]
+    assert loop.reasons == ("stopped by order (all robots)",)
+
+
+def test_an_intent_of_before_a_pause_is_not_driven_by_after_it() -> None:
+    loop, _ = converged()
+    loop.update(T0, [], [], NOTHING)
+    loop.want(T0, FORWARD)
+    loop.update(T0 + 0.4, [], [], NOTHING)
+    assert loop.reasons == ("no command from the behaviour",)
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(0.15, True), (0.24, True), (0.26, False), (0.35, False)])
 def test_an_intent_is_used_for_0_25_s(silent: float, drives: bool) -> None:
-    loop = free()
-    assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.2, 0.0), abs=0.01)]
-    (command,) = commands(loop.update(T0 + silent, [(T0 + silent, fix())], [], NOTHING))
+    loop, _ = converged()
+    loop.update(T0, [], [], NOTHING)
+    assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.25, 0.0))]
+    (command,) = commands(loop.update(T0 + silent, [], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
     assert loop.reasons == (() if drives else ("no command from the behaviour",))
 
@@ -200,9 +258,9 @@ def test_a_new_loop_has_nothing_to_report() -> None:
 
 def test_a_robot_whose_behaviour_has_said_nothing_says_so() -> None:
     loop = free()
-    loop.update(T0 + 1.0, [(T0 + 1.0, fix())], [], NOTHING)
+    loop.update(T0 + 0.2, [(T0 + 0.2, fix())], [], NOTHING)
     assert loop.reasons == ("no behaviour yet",)
-    assert not loop.update(T0 + 1.05, [], [], NOTHING)[1:]  # zero is not sent with each estimate
+    assert not loop.update(T0 + 0.25, [], [], NOTHING)[1:]  # zero is not sent with each estimate
 
 
 def test_before_the_first_pose_a_behaviour_that_is_stepped_is_not_blamed() -> None:
@@ -496,11 +554,11 @@ def test_an_order_that_changes_nothing_is_not_reported() -> None:
 
 def test_a_pose_that_grows_older_is_not_reported_at_each_estimate() -> None:
     loop = free(Forward())
-    loop.update(T0 + 0.5, [], [], NOTHING)
+    loop.update(T0 + 0.4, [], [], NOTHING)
     assert loop.changed
     loop.changed = False
-    loop.update(T0 + 1.7, [], [], NOTHING)
-    assert loop.reasons == ("no pose for 1.7 s",)
+    loop.update(T0 + 0.8, [], [], NOTHING)
+    assert loop.reasons == ("no pose for 0.8 s",)
     assert not loop.changed
 
 
