@@ -13,7 +13,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
-from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport import Bus, open_bus, with_local_link
 
 
 class Agent:
@@ -63,11 +63,11 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         name: the robot's name.
 
     Raises:
-        NotConnected: no router answered.
+        NotConnected: no router answered, and the robot has no link to its base.
         ConfigError: the settings have no such robot.
     """
-    _robot(scenario, name)  # check before anything is opened
-    async with open_bus(scenario.bus, Role.AGENT) as bus:
+    robot = _robot(scenario, name)
+    async with open_bus(with_local_link(scenario.bus, robot.base_link, "agent"), Role.AGENT) as bus:
         agent = Agent(bus, scenario, name)
         bus.announce(Role.AGENT, name)
         ready("agent", name)

@@ -19,7 +19,7 @@ from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
-from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport import Bus, open_bus, with_local_link
 
 _BEAT = 0.02
 """The dead-man is checked this often [s]."""
@@ -112,7 +112,8 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
         name: the robot's name.
 
     Raises:
-        NotConnected: no router answered.
+        NotConnected: no router answered, and the robot has no link to its agent.
+        TransportError: the endpoint of that link is taken.
         ConfigError: the settings have no such robot, or name unknown wheels.
     """
     if name not in scenario.robot:
@@ -120,7 +121,7 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
     check_base(scenario, name, scenario.name)
     robot = scenario.robot[name]
     make_wheels = find(robot.base)
-    async with open_bus(scenario.bus, Role.BASE) as bus:
+    async with open_bus(with_local_link(scenario.bus, robot.base_link, "base"), Role.BASE) as bus:
         wheels = make_wheels(robot, bus.clock)
         bus.announce(Role.BASE, name)
         ready("base", name)

@@ -33,6 +33,7 @@ Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
+LocalPoint = Annotated[str, Meta(pattern=r"^(tcp/(127(\.\d{1,3}){3}|localhost|\[::1\]):\d{1,5}|unixsock-stream/.+)$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
@@ -57,6 +58,9 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         brake: maximum deceleration [m/s^2].
         lag: time constant of the wheels' speed control [s]; laws are evaluated for this time ahead.
         base: driver of its wheels: the name of a file in ``agents/base``.
+        base_link: endpoint of its own machine where its base listens and its agent connects besides the router, so that
+            a stop reaches the wheels without router and network. Robots whose bases run on one machine need different
+            ones. Without it, and in `muro run`, whose bases are in the simulator, there is no such link.
     """
 
     tag: Count | None = None
@@ -73,6 +77,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
     brake: Acceleration = 1.0
     lag: Period = 0.1
     base: Name = "simulated"
+    base_link: LocalPoint | None = None
 
     @property
     def wheels(self) -> WheelLimits:
