@@ -161,7 +161,8 @@ async def test_without_the_router_zero_comes_over_the_link_and_then_the_router_i
 
 
 async def test_each_message_arrives_once_and_a_base_that_comes_back_is_found(robot: Robot) -> None:
-    health = robot.lab.latest(channels.HEALTH, "r1")
+    roster, health = robot.lab.roster(), robot.lab.latest(channels.HEALTH, "r1")
+    await robot.until(lambda: roster.of(Role.AGENT) == roster.of(Role.BASE) == {"r1"}, 5, "the lab sees both")
     await robot.until(lambda: health.get() is not None, 5, "a report of the agent")
     first = health.get()
     await robot.until(lambda: health.get() not in (None, first), 5, "another one")
