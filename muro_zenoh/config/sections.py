@@ -28,6 +28,7 @@ from muro_zenoh.quantities import (
     Speed,
     TurningRate,
 )
+from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
@@ -83,6 +84,11 @@ class RobotSettings(Section, frozen=True, kw_only=True):
     def wheels(self) -> WheelLimits:
         """The lag and limits of its wheels, for filter, laws and plant."""
         return WheelLimits(lag=self.lag, a_max=self.a_max, alpha_max=self.alpha_max, brake=self.brake)
+
+    @property
+    def body(self) -> Body:
+        """Its size and limits, for the separation filter."""
+        return Body(self.radius, self.v_max, self.omega_max, self.a_max, self.alpha_max, self.brake, self.lag)
 
     @property
     def mount(self) -> TagMount:
@@ -212,6 +218,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
         timeouts: how old what a robot drives by may be.
+        separation: how robots keep apart.
     """
 
     name: str
@@ -227,6 +234,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
     timeouts: Timeouts = TIMEOUTS
+    separation: SeparationSettings = SeparationSettings()
 
     def behaviour_of(self, name: str) -> BehaviourSettings:
         """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.
@@ -250,6 +258,17 @@ class Scenario(Section, frozen=True, kw_only=True):
         """
         robot = self.robot[name]
         return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena)
+
+    def separation_of(self, name: str) -> Separation | None:
+        """A robot's separation filter; None where it is off.
+
+        Args:
+            name: of the robot.
+        """
+        if not self.separation.enabled:
+            return None
+        bodies = {each: robot.body for each, robot in self.robot.items()}
+        return Separation(name, bodies[name], bodies, self.arena, self.separation)
 
     @property
     def robots(self) -> tuple[str, ...]:

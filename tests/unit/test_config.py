@@ -242,7 +242,10 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         ({"timeouts": {key: 0.05}}, f"lab.toml: timeouts.{key}: got 0.05 (number), expected a number at least 0.1")
         for key in ("command", "pose", "snapshot")
     ),
-    ({"timeouts": {"command": 3}}, "lab.toml: timeouts.command: got 3 (integer), expected a number at least 0.1 and at most 1 [s]"),
+    (
+        {"timeouts": {"command": 3}},
+        "lab.toml: timeouts.command: got 3 (integer), expected a number at least 0.1 and at most 1 [s]",
+    ),
     ({"duration": 0}, "lab.toml: duration: got 0 (integer), expected a number above 0"),
     ({"behaviour": {"name": 3}}, "lab.toml: behaviour.name: got 3 (integer), expected text"),
     ({"behaviour": {"name": "circle", "when": {"x": 1}}}, "lab.toml: behaviour.when: got {'x': 1} (table)"),
