@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
+from muro_zenoh.safety.separation.guidance import Near
 from muro_zenoh.safety.separation.line import Line, Point, Stretch, line_between, nearest_on
 from muro_zenoh.safety.separation.path import braking_path, stopping_distance
 from muro_zenoh.safety.separation.settings import SeparationSettings
@@ -76,10 +77,12 @@ class Certificate:
         self._walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
         self._snapshots: deque[_Known] = deque()
         self._obstacles: tuple[Obstacle, ...] = ()
+        self._rows: list[tuple[Row, float, bool]] = []
         self._speeds: dict[str, float] = {}
         self._state = State(0.0, 0.0, 0.0, 0.0, 0.0)
         self._rest: list[Point] = []
         self._lines: list[tuple[Line, float]] = []
+        self._near_obstacles: list[tuple[Obstacle, float]] = []
 
     def learn(self, now: float, snapshot: SharedSnapshot) -> bool:
         """Take a snapshot; one that is known already changes nothing.
@@ -112,6 +115,10 @@ class Certificate:
             else:
                 obstacles.append(self._obstacle(row, body or self._largest))
         self._obstacles = tuple(obstacles)
+        self._rows = [
+            (row, self._body.radius + (self._others.get(row.name) or self._largest).radius + self._settings.margin, row.state == "tracking")
+            for row in rows.values()
+        ]
         known.append(_Known(sent, snapshot.stamp, snapshot.epoch, tuple(lines)))
         return True
 
@@ -127,6 +134,34 @@ class Certificate:
         keep = self._body.radius + body.radius + self._settings.margin
         return Obstacle(row.x, row.y, far * math.cos(row.theta), far * math.sin(row.theta), keep, row.name)
 
+    def near(self, now: float, x: float, y: float, within: float) -> list[Near]:
+        """The neighbours and walls near a position, moved on to now; the nearest first.
+
+        Args:
+            now: the time [s].
+            x: the position [m, world].
+            y: the same.
+            within: how near [m].
+        """
+        if not self._snapshots:
+            return []
+        found = []
+        age = now - self._snapshots[-1].sent
+        for row, keep, moving in self._rows:
+            vx, vy = (row.v * math.cos(row.theta), row.v * math.sin(row.theta)) if moving else (0.0, 0.0)
+            old = age + row.age
+            px, py = row.x + vx * old, row.y + vy * old
+            away = math.hypot(px - x, py - y)
+            if away < within:
+                found.append((away - keep, Near(px, py, vx, vy, keep, row.name)))
+        for wall in self._walls:
+            px, py = nearest_on(wall.x, wall.y, wall.dx, wall.dy, x, y)
+            away = math.hypot(px - x, py - y)
+            if away < within:
+                found.append((away - wall.keep, Near(px, py, 0.0, 0.0, wall.keep, WALL)))
+        found.sort(key=lambda one: one[0])
+        return [one for _, one in found]
+
     def begin(self, now: float, state: State) -> None:
         """Look at what must be obeyed from the robot's state now.
 
@@ -134,16 +169,23 @@ class Certificate:
             now: the time [s].
             state: the robot's state.
         """
+        body = self._body
         self._state = state
-        self._rest = rest = braking_path(state, STILL, 0.0, self._body)
-        # A violation that braking cannot avoid is kept, never deepened.
-        self._lines = [
-            (line, max(line.bound, *(line.nx * x + line.ny * y for x, y in rest)) + _GRACE)
-            for known in self._snapshots
-            for line in known.lines
-        ]
-        self._lines += [
-            (line, max(line.bound, *(line.nx * x + line.ny * y for x, y in rest)) + _GRACE) for line in self._arena
+        self._rest = rest = braking_path(state, STILL, 0.0, body)
+        top = max(abs(state.v), body.v_max)
+        reach = top * self._settings.hold + stopping_distance(top, body)
+        x, y = state.x, state.y
+        self._lines = []
+        for lines in (self._arena, *(known.lines for known in self._snapshots)):
+            for line in lines:
+                nx, ny, bound, _ = line
+                if nx * x + ny * y + reach > bound:
+                    # A violation that braking cannot avoid is kept, never deepened.
+                    self._lines.append((line, max(bound, *(nx * px + ny * py for px, py in rest)) + _GRACE))
+        self._near_obstacles = [
+            (obstacle, min(obstacle.keep, _clearance(obstacle, rest)) - _GRACE)
+            for obstacle in (*self._obstacles, *self._walls)
+            if _clearance(obstacle, rest[:1]) < obstacle.keep + reach
         ]
 
     def blocker(self, command: Twist2) -> str:
@@ -155,10 +197,11 @@ class Certificate:
         for held in (self._settings.hold, _PERIOD):
             points = braking_path(self._state, command, held, self._body)
             for line, bound in self._lines:
-                if any(line.nx * x + line.ny * y > bound for x, y in points):
-                    return line.other
-            for obstacle in (*self._obstacles, *self._walls):
-                allowed = min(obstacle.keep, _clearance(obstacle, self._rest)) - _GRACE
+                nx, ny = line.nx, line.ny
+                for x, y in points:
+                    if nx * x + ny * y > bound:
+                        return line.other
+            for obstacle, allowed in self._near_obstacles:
                 if _clearance(obstacle, points) < allowed:
                     return obstacle.name
         return ""
