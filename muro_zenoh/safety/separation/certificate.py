@@ -75,6 +75,7 @@ class Certificate:
         )
         keep = body.radius + settings.wall_margin
         self._walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
+        self._driven = body
         self._snapshots: deque[_Known] = deque()
         self._obstacles: tuple[Obstacle, ...] = ()
         self._rows: list[tuple[Row, float, bool]] = []
@@ -163,15 +164,15 @@ class Certificate:
         found.sort(key=lambda one: one[0])
         return [one for _, one in found]
 
-    def begin(self, now: float, state: State) -> None:
+    def begin(self, now: float, state: State, body: Body) -> None:
         """Look at what must be obeyed from the robot's state now.
 
         Args:
             now: the time [s].
             state: the robot's state.
+            body: its limits as its wheels are now.
         """
-        body = self._body
-        self._state = state
+        self._state, self._driven = state, body
         self._rest = rest = braking_path(state, STILL, 0.0, body)
         top = max(abs(state.v), body.v_max)
         reach = top * self._settings.hold + stopping_distance(top, body)
@@ -196,7 +197,7 @@ class Certificate:
             command: the command, held until the dead-man acts.
         """
         for held in (self._settings.hold, _PERIOD):
-            points = braking_path(self._state, command, held, self._body)
+            points = braking_path(self._state, command, held, self._driven)
             for line, bound in self._lines:
                 nx, ny = line.nx, line.ny
                 for x, y in points:

@@ -56,7 +56,7 @@ class Separation:
         self._plan: list[tuple[float, float]] = []
         self._plan_next = self._plan_until = -math.inf
         self._patience = Patience(sorted({name, *others}).index(name))
-        self._body = body
+        self._nominal = self._body = body
         self._settings = settings
         self._certificate = Certificate(name, body, others, arena, settings, walls)
 
@@ -67,6 +67,7 @@ class Separation:
         desired: Twist2 | None,
         snapshot: SharedSnapshot | None,
         target: tuple[float, float] | None = None,
+        body: Body | None = None,
     ) -> Separated:
         """The twist to drive now.
 
@@ -76,7 +77,10 @@ class Separation:
             desired: what its behaviour wants; None when it holds: then the robot stands still.
             snapshot: all robots; None when there is none or it is stale.
             target: where the behaviour is heading, x, y [m, world]; None when it has no such place.
+            body: this robot's limits as its wheels are now, with their drive errors; None for those that all robots
+                know of it, by which the lines between them are drawn.
         """
+        self._body = body or self._nominal
         fresh = snapshot is not None and self._certificate.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
@@ -86,7 +90,7 @@ class Separation:
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
         if not fresh:
             return Separated(STILL, "brakes: no fresh positions")
-        self._certificate.begin(now, state)
+        self._certificate.begin(now, state, self._body)
         return self._guide(now, state, desired, target)
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
