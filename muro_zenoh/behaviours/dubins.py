@@ -187,7 +187,10 @@ class GoalRide(Behaviour):
         if move.state == "arrived":
             return self._arrive(seen.now)
         return Intent(
-            move.twist, path=planned.path if planned is not None else None, path_has_heading=goal.theta is not None
+            move.twist,
+            path=planned.path if planned is not None else None,
+            path_has_heading=goal.theta is not None,
+            target=(goal.x, goal.y),
         )
 
     def _arrive(self, now: float) -> Intent:

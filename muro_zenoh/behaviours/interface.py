@@ -144,6 +144,8 @@ class Intent(NamedTuple):
         path: a path planned in this step, for display.
         path_has_heading: whether the goal of that path specified the heading at its end.
         cell: a cell for display.
+        target: the position that the robot is driving to, x, y [m, world]; None when there is none. A robot that has
+            to get out of another's way takes a way round to it.
     """
 
     twist: Twist2 | None
@@ -152,6 +154,7 @@ class Intent(NamedTuple):
     path: Path | None = None
     path_has_heading: bool = False
     cell: ShownCell | None = None
+    target: tuple[float, float] | None = None
 
 
 def hold(reason: str) -> Intent:

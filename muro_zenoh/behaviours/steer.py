@@ -71,7 +71,7 @@ class Steering(Behaviour):
         if twist == STILL:
             self._itinerary.arrive(seen.now)
             return hold(self._itinerary.waiting)
-        return Intent(twist)
+        return Intent(twist, target=(goal.x, goal.y))
 
 
 def make(parameters: Parameters, vehicle: Vehicle) -> Steering:

@@ -27,6 +27,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
         raise ConfigError(origin.at("arena"), got=str(a), expected="x_min < x_max and y_min < y_max")
     _check_tags(s, origin)
+    _check_timeouts(s, origin)
     for name, camera in s.camera.items():
         if (camera.pixels is None) != (camera.metres is None):
             raise ConfigError(origin.at(f"camera.{name}"), got="pixels or metres alone", expected="both, or neither")
@@ -41,6 +42,19 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     _check_goals(s, origin)
     _check_starts(s, origin)
     _check_orders(s, origin)
+
+
+def _check_timeouts(s: Scenario, origin: Origin) -> None:
+    for name, camera in s.camera.items():
+        # A pose must last until the next frame, and until the one after it when that is lost.
+        least = camera.latency + 2.0 / camera.rate
+        if s.timeouts.pose < least:
+            raise ConfigError(
+                origin.at("timeouts.pose"),
+                got=f"{s.timeouts.pose:g} [s]",
+                expected=f"at least {least:.3g}: the frames of camera {name} are {camera.latency:g} s old, "
+                f"{1.0 / camera.rate:.3g} s apart, and one may be lost",
+            )
 
 
 def _check_tags(s: Scenario, origin: Origin) -> None:

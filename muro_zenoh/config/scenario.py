@@ -30,9 +30,11 @@ from muro_zenoh.config.sections import (
     Simulation,
     StartRow,
 )
+from muro_zenoh.config.timeouts import TIMEOUTS
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
+from muro_zenoh.safety.separation import SeparationSettings
 
 T = TypeVar("T")
 
@@ -45,6 +47,8 @@ _SECTIONS: Final[dict[str, Any]] = {
     "bus": BusSettings(),
     "checks": Checks(),
     "simulation": Simulation(),
+    "timeouts": TIMEOUTS,
+    "separation": SeparationSettings(),
 }
 """The sections that are one value each, with their defaults."""
 

@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from muro_zenoh import channels
 from muro_zenoh.config import (
+    TIMEOUTS,
     BehaviourSettings,
     Checks,
     RobotSettings,
     Scenario,
     Section,
+    Timeouts,
     as_table,
     load_scenario,
     parameters_as,
@@ -235,6 +238,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"bus": {"lease": 0.01}},
         "lab.toml: bus.lease: got 0.01 (number), expected a number at least 0.2 and at most 60 [s]",
     ),
+    *(
+        ({"timeouts": {key: 0.05}}, f"lab.toml: timeouts.{key}: got 0.05 (number), expected a number at least 0.1")
+        for key in ("command", "pose", "snapshot")
+    ),
+    (
+        {"timeouts": {"command": 3}},
+        "lab.toml: timeouts.command: got 3 (integer), expected a number at least 0.1 and at most 1 [s]",
+    ),
     ({"duration": 0}, "lab.toml: duration: got 0 (integer), expected a number above 0"),
     ({"behaviour": {"name": 3}}, "lab.toml: behaviour.name: got 3 (integer), expected text"),
     ({"behaviour": {"name": "circle", "when": {"x": 1}}}, "lab.toml: behaviour.when: got {'x': 1} (table)"),
@@ -289,6 +300,11 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
         {"camera": {"north": {"pixels": [*PIXELS, [5.0, 5.0]], "metres": PIXELS}}},
         "lab.toml: camera.north.metres: got 4 points, expected as many as pixels has: 5",
     ),
+    "a camera too slow for the age that a pose may have": (
+        {"robots": 1, "camera": {"north": {"rate": 5.0}}},
+        "lab.toml: timeouts.pose: got 0.25 [s], expected at least 0.45: the frames of camera north are 0.05 s old, 0.2 s "
+        "apart, and one may be lost",
+    ),
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
@@ -303,6 +319,18 @@ def test_what_is_impossible_is_refused_before_anything_starts(what: str) -> None
     table, said = IMPOSSIBLE[what]
     with pytest.raises(ConfigError, match=re.escape(said)):
         parse(table)
+
+
+def test_a_slower_camera_needs_poses_that_may_be_older() -> None:
+    table = {"robots": 1, "camera": {"north": {"rate": 5.0}}}
+    assert parse({**table, "timeouts": {"pose": 0.45}}).timeouts == Timeouts(pose=0.45)
+
+
+def test_the_limits_of_age_have_one_default() -> None:
+    assert (TIMEOUTS.command, TIMEOUTS.pose, TIMEOUTS.snapshot) == (0.3, 0.25, 0.5)
+    assert channels.CMD_VEL.stale_after == TIMEOUTS.command
+    assert channels.POSE.stale_after == TIMEOUTS.pose
+    assert channels.ALL_POSITIONS.stale_after == TIMEOUTS.snapshot
 
 
 def test_as_many_robots_as_the_error_allows_do_fit() -> None:
