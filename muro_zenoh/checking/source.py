@@ -13,7 +13,7 @@ import msgspec
 
 from muro_zenoh.behaviours.entry_points import BEHAVIOURS
 from muro_zenoh.checking.random_trial import DURATION, faulty, random_trial
-from muro_zenoh.config import Scenario, find_scenario, parse_scenario
+from muro_zenoh.config import Scenario, check_behaviour, find_scenario, parse_scenario
 from muro_zenoh.errors import ConfigError
 
 RANDOM: Final = "random"
@@ -82,6 +82,9 @@ def trials_of(
         scenario = find_scenario(given, robots, overrides)
     if not scenario.camera:
         raise ConfigError(f"{given}: camera", got="none", expected="a section [camera.<name>]: nobody drives blindly")
+    for name in scenario.robots:
+        wanted = scenario.behaviour_of(name)
+        check_behaviour(wanted.name, wanted.parameters, given, [scenario.vehicle(name)])
     if quick and robots is None:
         few = scenario.robots[:QUICK_ROBOTS]
         scenario = msgspec.structs.replace(scenario, robot={name: scenario.robot[name] for name in few})
