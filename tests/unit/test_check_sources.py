@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import pickle
+import sys
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -26,6 +28,9 @@ def trials(given: str, *, robots: int | None = None, duration: float | None = No
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    importlib.invalidate_caches()
 
 
 class TestRandomTrials:
@@ -102,6 +107,7 @@ class TestAScenario:
 class TestAStudentsFile:
     @staticmethod
     def scenario(text: str, given: str = "mine.py") -> Scenario:
+        sys.modules.pop("mine", None)
         Path("mine.py").write_text(text)
         return trials(given)(1)
 
