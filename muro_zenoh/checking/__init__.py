@@ -1,1 +1,1 @@
-"""Thousands of fleets in a box: trials in virtual time, and the promises that each must keep."""
+"""Whole fleets in one process, in virtual time and with faults: the real agents, bases and base station."""

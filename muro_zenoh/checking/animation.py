@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from muro_zenoh.checking.promises import Breach
-from muro_zenoh.checking.trace import PERIOD, Trace
+from muro_zenoh.checking.record import PERIOD, Record
 from muro_zenoh.errors import MuroError
 
 _SCALE: Final = 180.0
@@ -27,11 +27,11 @@ _BAD, _OURS, _PALE, _DARK = "#D55E00", "#0072B2", "#e6e6e6", "#1a1a1a"
 _MARGIN = 40.0
 
 
-def write_animation(trace: Trace, breaches: Sequence[Breach], path: Path) -> None:
+def write_animation(record: Record, breaches: Sequence[Breach], path: Path) -> None:
     """Write a trial as an animation: around its first breach, or all of it.
 
     Args:
-        trace: the trial.
+        record: the trial.
         breaches: its breaches, the first one first.
         path: the file.
 
@@ -39,41 +39,41 @@ def write_animation(trace: Trace, breaches: Sequence[Breach], path: Path) -> Non
         MuroError: the file cannot be written.
     """
     try:
-        path.write_text(animation(trace, breaches), encoding="utf-8")
+        path.write_text(animation(record, breaches), encoding="utf-8")
     except OSError as error:
         raise MuroError(f"{path}: cannot be written ({error.strerror or error}). Choose another with --out") from error
 
 
-def animation(trace: Trace, breaches: Sequence[Breach]) -> str:
+def animation(record: Record, breaches: Sequence[Breach]) -> str:
     """The animation as SVG.
 
     Args:
-        trace: the trial.
+        record: the trial.
         breaches: its breaches, the first one first.
     """
-    start, end = 0.0, float(trace.time[-1])
+    start, end = 0.0, float(record.time[-1])
     if breaches:
         start, end = max(0.0, breaches[0].time - _BEFORE), min(end, breaches[0].time + _AFTER)
     rows = np.arange(
-        np.searchsorted(trace.time, start), np.searchsorted(trace.time, end, "right"), round(_FRAME / PERIOD)
+        np.searchsorted(record.time, start), np.searchsorted(record.time, end, "right"), round(_FRAME / PERIOD)
     )
-    drawing = _Drawing(trace, rows)
+    drawing = _Drawing(record, rows)
     bad = {name for breach in breaches[:1] for name in breach.robots}
-    arena = trace.scenario.arena
+    arena = record.scenario.arena
     width, height = arena.width * _SCALE + 2 * _MARGIN, arena.height * _SCALE + 2 * _MARGIN
     title = str(breaches[0]) if breaches else "no promise broken"
     return "\n".join(
         (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
             'font-family="sans-serif" font-size="14">',
-            f"<title>{escape(title)}, seed {trace.seed}</title>",
+            f"<title>{escape(title)}, seed {record.seed}</title>",
             f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
             f'<rect x="{_MARGIN}" y="{_MARGIN}" width="{arena.width * _SCALE:.0f}" '
             f'height="{arena.height * _SCALE:.0f}" fill="none" stroke="{_DARK}"/>',
-            *(drawing.robot(i, name in bad) for i, name in enumerate(trace.names)),
+            *(drawing.robot(i, name in bad) for i, name in enumerate(record.names)),
             *drawing.captions(breaches[:1]),
             f'<text x="{_MARGIN}" y="{_MARGIN - 14}">{escape(title)} '
-            f"(seed {trace.seed}; shown: {start:.1f} to {end:.1f} s)</text>",
+            f"(seed {record.seed}; shown: {start:.1f} to {end:.1f} s)</text>",
             drawing.clock(width),
             "</svg>",
             "",
@@ -84,20 +84,20 @@ def animation(trace: Trace, breaches: Sequence[Breach]) -> str:
 class _Drawing:
     """The parts of one animation."""
 
-    def __init__(self, trace: Trace, rows: Iterable[int]) -> None:
-        self._trace = trace
+    def __init__(self, record: Record, rows: Iterable[int]) -> None:
+        self._record = record
         self._rows = np.asarray(rows)
-        self._start = float(trace.time[self._rows[0]])
-        self._length = max(float(trace.time[self._rows[-1]]) - self._start, _FRAME)
+        self._start = float(record.time[self._rows[0]])
+        self._length = max(float(record.time[self._rows[-1]]) - self._start, _FRAME)
         self._timing = f'dur="{self._length:.2f}s" repeatCount="indefinite"'
 
     def robot(self, i: int, bad: bool) -> str:
         """A body with its heading and name."""
-        trace, arena = self._trace, self._trace.scenario.arena
-        pose = trace.pose[self._rows, i]
+        record, arena = self._record, self._record.scenario.arena
+        pose = record.pose[self._rows, i]
         places = [((x - arena.x_min) * _SCALE + _MARGIN, (arena.y_max - y) * _SCALE + _MARGIN) for x, y, _ in pose]
         turns = -np.degrees(np.unwrap(pose[:, 2]))
-        radius = trace.scenario.robot[trace.names[i]].radius * _SCALE
+        radius = record.scenario.robot[record.names[i]].radius * _SCALE
         color = _BAD if bad else _OURS
         return (
             f'<g><animateTransform attributeName="transform" type="translate" {self._timing} '
@@ -106,24 +106,24 @@ class _Drawing:
             f'<g><animateTransform attributeName="transform" type="rotate" {self._timing} '
             f'values="{";".join(f"{turn:.1f}" for turn in turns)}"/>'
             f'<line x2="{radius:.1f}" stroke="{color}" stroke-width="3"/></g>'
-            f'<text text-anchor="middle" y="5" fill="{_DARK}">{trace.names[i]}</text></g>'
+            f'<text text-anchor="middle" y="5" fill="{_DARK}">{record.names[i]}</text></g>'
         )
 
     def captions(self, breaches: Sequence[Breach]) -> Iterable[str]:
         """What happens, while it does: the faults, and the breach with a ring around its robots."""
-        trace, arena = self._trace, self._trace.scenario.arena
+        record, arena = self._record, self._record.scenario.arena
         bottom = arena.height * _SCALE + 2 * _MARGIN - 14
-        for number, effect in enumerate(trace.effects):
+        for number, effect in enumerate(record.effects):
             words = escape(f"{effect.fault.kind} {effect.fault.target}")
             shown = self._while(effect.start, effect.end)
             x = _MARGIN + 260 * number
             yield f'<text x="{x}" y="{bottom:.0f}" fill="{_DARK}" opacity="0">{words}{shown}</text>'
         for breach in breaches:
-            row = min(int(np.searchsorted(trace.time, breach.time)), len(trace.time) - 1)
+            row = min(int(np.searchsorted(record.time, breach.time)), len(record.time) - 1)
             for name in breach.robots:
-                i = trace.names.index(name)
-                x, y = trace.pose[row, i, :2]
-                radius = 1.4 * trace.scenario.robot[name].radius * _SCALE
+                i = record.names.index(name)
+                x, y = record.pose[row, i, :2]
+                radius = 1.4 * record.scenario.robot[name].radius * _SCALE
                 yield (
                     f'<circle cx="{(x - arena.x_min) * _SCALE + _MARGIN:.1f}" '
                     f'cy="{(arena.y_max - y) * _SCALE + _MARGIN:.1f}" r="{radius:.1f}" fill="none" '

@@ -1,4 +1,4 @@
-"""Contacts between robots in a trace, classed by what the two were doing."""
+"""Contacts between robots in a record, classed by what the two were doing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from muro_zenoh.checking.trace import Flags, Trace
+from muro_zenoh.checking.record import Flags, Record
 from muro_zenoh.elementwise import Array
 
 DISTURBING: Final = ("carry", "foreign_driver", "lie")
@@ -50,68 +50,68 @@ class Contact(NamedTuple):
     robots: tuple[str, str]
 
 
-def contacts(trace: Trace) -> Iterator[Contact]:
-    """All contacts of a trace, pair by pair.
+def contacts(record: Record) -> Iterator[Contact]:
+    """All contacts of a record, pair by pair.
 
     Args:
-        trace: the trace.
+        record: the record.
     """
-    disturbed = disturbances(trace)
-    standing = _standing(trace)
-    for i, j in itertools.combinations(range(len(trace.names)), 2):
-        touching = gaps(trace, i, j) < 0.0
+    disturbed = disturbances(record)
+    standing = _standing(record)
+    for i, j in itertools.combinations(range(len(record.names)), 2):
+        touching = gaps(record, i, j) < 0.0
         for k in np.flatnonzero(touching & ~np.concatenate(([False], touching[:-1]))).tolist():
             kind = ContactClass.OURS
             if disturbed[k, i] or disturbed[k, j]:
                 kind = ContactClass.DISTURBED
                 for one, other in ((i, j), (j, i)):
                     # The other one moved, or it did not drive into anything.
-                    moved = np.hypot(*trace.twist[k, other]) > STANDING
+                    moved = np.hypot(*record.twist[k, other]) > STANDING
                     if disturbed[k, one] and standing[k, one] and not disturbed[k, other] and moved:
                         kind = ContactClass.STANDING
-            yield Contact(float(trace.time[k]), kind, (trace.names[i], trace.names[j]))
+            yield Contact(float(record.time[k]), kind, (record.names[i], record.names[j]))
 
 
-def gaps(trace: Trace, i: int, j: int) -> Array:
+def gaps(record: Record, i: int, j: int) -> Array:
     """The gap between two bodies (T,) [m]; negative when they overlap.
 
     Args:
-        trace: the trace.
+        record: the record.
         i: a robot's index.
         j: the other's.
     """
-    robots = trace.scenario.robot
-    apart: Array = np.hypot(*(trace.pose[:, i, :2] - trace.pose[:, j, :2]).T)
-    return apart - robots[trace.names[i]].radius - robots[trace.names[j]].radius
+    robots = record.scenario.robot
+    apart: Array = np.hypot(*(record.pose[:, i, :2] - record.pose[:, j, :2]).T)
+    return apart - robots[record.names[i]].radius - robots[record.names[j]].radius
 
 
-def disturbances(trace: Trace) -> Flags:
+def disturbances(record: Record) -> Flags:
     """Whether each robot is disturbed (T, N): from the effect of such a fault until it is over and done with.
 
     Args:
-        trace: the trace.
+        record: the record.
     """
-    disturbed = np.zeros((len(trace.time), len(trace.names)), dtype=bool)
-    for i, name in enumerate(trace.names):
-        for effect in trace.effects_on(name, *DISTURBING):
-            clear = np.full(len(trace.time), np.inf)
-            for j in range(len(trace.names)):
+    disturbed = np.zeros((len(record.time), len(record.names)), dtype=bool)
+    for i, name in enumerate(record.names):
+        for effect in record.effects_on(name, *DISTURBING):
+            clear = np.full(len(record.time), np.inf)
+            for j in range(len(record.names)):
                 if j != i:
-                    clear = np.minimum(clear, gaps(trace, i, j))
-            over = np.flatnonzero((trace.time >= effect.end + AFTERWARDS) & (clear >= CLEARANCE))
-            end = int(over[0]) if len(over) else len(trace.time)
-            disturbed[np.searchsorted(trace.time, effect.start) : end, i] = True
+                    clear = np.minimum(clear, gaps(record, i, j))
+            over = np.flatnonzero((record.time >= effect.end + AFTERWARDS) & (clear >= CLEARANCE))
+            end = int(over[0]) if len(over) else len(record.time)
+            disturbed[np.searchsorted(record.time, effect.start) : end, i] = True
     return disturbed
 
 
-def _standing(trace: Trace) -> Flags:
+def _standing(record: Record) -> Flags:
     """Whether each robot has stood where it is for a while (T, N), neither driven nor carried."""
-    moving = np.abs(trace.twist[..., 0]) > STANDING
+    moving = np.abs(record.twist[..., 0]) > STANDING
     step = np.zeros_like(moving, dtype=np.float64)
-    step[1:] = np.hypot(*np.moveaxis(np.diff(trace.pose[..., :2], axis=0), -1, 0))
-    moving |= step > STANDING * np.gradient(trace.time)[:, None] + 1e-9
-    index = np.where(moving, np.arange(len(trace.time))[:, None], -1)
+    step[1:] = np.hypot(*np.moveaxis(np.diff(record.pose[..., :2], axis=0), -1, 0))
+    moving |= step > STANDING * np.gradient(record.time)[:, None] + 1e-9
+    index = np.where(moving, np.arange(len(record.time))[:, None], -1)
     last = np.maximum.accumulate(index, axis=0)
-    since = np.where(last >= 0, trace.time[np.maximum(last, 0)], -np.inf)
-    stood: Flags = trace.time[:, None] - since >= STOOD
+    since = np.where(last >= 0, record.time[np.maximum(last, 0)], -np.inf)
+    stood: Flags = record.time[:, None] - since >= STOOD
     return stood

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 import msgspec
 
 from muro_zenoh.checking.promises import Breach
+from muro_zenoh.checking.record import Record
 from muro_zenoh.checking.shrink import fewest
-from muro_zenoh.checking.trace import Trace
 from muro_zenoh.checking.trial import run_trial
 from muro_zenoh.config import Scenario
 
@@ -44,15 +44,15 @@ def breach_of(promise: str) -> Breaks:
     return first
 
 
-def with_starts(trace: Trace) -> Scenario:
+def with_starts(record: Record) -> Scenario:
     """A trial's scenario with the robots' starts in it, so that each starts there without the others, too.
 
     Args:
-        trace: the trial.
+        record: the trial.
     """
-    first = trace.pose[0].round(4).tolist()
+    first = record.pose[0].round(4).tolist()
     return msgspec.structs.replace(
-        trace.scenario, starts={name: tuple(pose) for name, pose in zip(trace.names, first, strict=True)}
+        record.scenario, starts={name: tuple(pose) for name, pose in zip(record.names, first, strict=True)}
     )
 
 

@@ -1,7 +1,7 @@
-"""What every trial must keep: promises, each a pure function of a trace.
+"""What every trial must keep: promises, each a pure function of a record.
 
 A promise counts how often it was evaluated: one that a whole check never evaluated is an error of the check, not a
-promise kept. A trace that begins late or has a gap is refused, because a breach could be in what was not seen.
+promise kept. A record that begins late or has a gap is refused, because a breach could be in what was not seen.
 
 What each applies to:
 
@@ -45,7 +45,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from muro_zenoh.checking.contacts import STANDING, ContactClass, contacts, disturbances
-from muro_zenoh.checking.trace import PERIOD, Effect, Flags, Report, Trace
+from muro_zenoh.checking.operator import Report
+from muro_zenoh.checking.record import PERIOD, Effect, Flags, Record
 from muro_zenoh.config.faults import Place
 from muro_zenoh.errors import MuroError
 
@@ -81,7 +82,7 @@ class Breach(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """How many times a promise was ``evaluated`` in a trace, and the ``breaches``."""
+    """How many times a promise was ``evaluated`` in a record, and the ``breaches``."""
 
     evaluated: int
     breaches: tuple[Breach, ...]
@@ -93,82 +94,82 @@ class Promise(NamedTuple):
     Attributes:
         name: its name.
         says: what it says, in one line.
-        judge: from a trace to its judgement.
+        judge: from a record to its judgement.
         always: whether there is something to evaluate in every trial, not only after some faults or orders.
     """
 
     name: str
     says: str
-    judge: Callable[[Trace], Judgement]
+    judge: Callable[[Record], Judgement]
     always: bool = True
 
 
-class IncompleteTrace(MuroError):  # noqa: N818 - reads as a state, and is one
-    """A trace cannot be judged, because not all of the trial is in it."""
+class IncompleteRecord(MuroError):  # noqa: N818 - reads as a state, and is one
+    """A record cannot be judged, because not all of the trial is in it."""
 
 
-def require_whole(trace: Trace) -> None:
-    """Refuse a trace that begins late, has a gap or ends early.
+def require_whole(record: Record) -> None:
+    """Refuse a record that begins late, has a gap or ends early.
 
     Args:
-        trace: the trace.
+        record: the record.
 
     Raises:
-        IncompleteTrace: not all of the trial was watched.
+        IncompleteRecord: not all of the trial was watched.
     """
-    time = trace.time
+    time = record.time
     if not len(time) or time[0] > PERIOD:
         began = f"{time[0]:.2f} s" if len(time) else "never"
-        raise IncompleteTrace(f"trace: got a first sample at {began}, expected one at 0 s: it was watched too late")
+        raise IncompleteRecord(f"record: got a first sample at {began}, expected one at 0 s: it was watched too late")
     gap = float(np.diff(time).max(initial=0.0))
     if gap > 2.0 * PERIOD:
-        raise IncompleteTrace(f"trace: got a gap of {gap:.3f} s, expected a sample every {PERIOD:g} s")
-    if trace.finished and time[-1] < trace.scenario.duration - 2.0 * PERIOD:
-        raise IncompleteTrace(
-            f"trace: got the last sample at {time[-1]:.2f} s, expected one at {trace.scenario.duration:g} s"
+        raise IncompleteRecord(f"record: got a gap of {gap:.3f} s, expected a sample every {PERIOD:g} s")
+    if record.finished and time[-1] < record.scenario.duration - 2.0 * PERIOD:
+        raise IncompleteRecord(
+            f"record: got the last sample at {time[-1]:.2f} s, expected one at {record.scenario.duration:g} s"
         )
 
 
 # ---- A and B: contacts
 
 
-def _no_contact(trace: Trace) -> Judgement:
-    free = (~disturbances(trace)).sum(axis=1)
-    return Judgement(int((free * (free - 1) // 2).sum()), _of_class(trace, ContactClass.OURS, "no contact", "touches"))
+def _no_contact(record: Record) -> Judgement:
+    free = (~disturbances(record)).sum(axis=1)
+    return Judgement(int((free * (free - 1) // 2).sum()), _of_class(record, ContactClass.OURS, "no contact", "touches"))
 
 
-def _driven_into(trace: Trace) -> Judgement:
-    evaluated = int(disturbances(trace).any(axis=0).sum())
-    return Judgement(evaluated, _of_class(trace, ContactClass.STANDING, "driven into", "touches, standing,"))
+def _driven_into(record: Record) -> Judgement:
+    evaluated = int(disturbances(record).any(axis=0).sum())
+    return Judgement(evaluated, _of_class(record, ContactClass.STANDING, "driven into", "touches, standing,"))
 
 
-def _of_class(trace: Trace, kind: ContactClass, promise: str, verb: str) -> tuple[Breach, ...]:
+def _of_class(record: Record, kind: ContactClass, promise: str, verb: str) -> tuple[Breach, ...]:
     return tuple(
         Breach(promise, contact.time, contact.robots, f"{contact.robots[0]} {verb} {contact.robots[1]}")
-        for contact in contacts(trace)
+        for contact in contacts(record)
         if contact.kind is kind
     )
 
 
-def _named(trace: Trace) -> Judgement:
+def _named(record: Record) -> Judgement:
     evaluated, breaches = 0, []
-    for effect in trace.effects:
-        if effect.fault.kind not in ("carry", "lie", "foreign_driver") or _is_hampered(trace, effect):
+    for effect in record.effects:
+        if effect.fault.kind not in ("carry", "lie", "foreign_driver") or _is_hampered(record, effect):
             continue
         for name in effect.robots:
-            if effect.start + NAMED_WITHIN > trace.time[-1]:
+            if effect.start + NAMED_WITHIN > record.time[-1]:
                 continue
             evaluated += 1
-            if not _is_named(trace, name, effect.start):
+            if not _is_named(record, name, effect.start):
                 what = f"nobody has named {name} ({effect.fault.kind}) for {NAMED_WITHIN:g} s"
                 breaches.append(Breach("named", effect.start + NAMED_WITHIN, (name,), what))
     return Judgement(evaluated, tuple(breaches))
 
 
-def _is_named(trace: Trace, name: str, start: float) -> bool:
+def _is_named(record: Record, name: str, start: float) -> bool:
     """Whether a new reason about a robot was reported."""
     before: dict[str, tuple[str, ...]] = {}
-    for report in trace.reports:
+    for report in record.reports:
         if report.time <= start:
             before[report.process] = report.reasons
         elif report.time <= start + NAMED_WITHIN:
@@ -186,7 +187,7 @@ def _words(reason: str) -> tuple[str, ...]:
     return tuple(word for word in words if not word.replace(".", "").isdigit())
 
 
-def _is_hampered(trace: Trace, effect: Effect) -> bool:
+def _is_hampered(record: Record, effect: Effect) -> bool:
     """Whether another fault befalls what the report about a robot needs."""
     shared = (Place.BASESTATION, Place.CAMERA, Place.CAMERAS, Place.ROUTER)
     return any(
@@ -194,55 +195,55 @@ def _is_hampered(trace: Trace, effect: Effect) -> bool:
         and (other.fault.place in shared or other.fault.robot in effect.robots)
         and other.start - NAMED_WITHIN < effect.start + NAMED_WITHIN
         and effect.start < other.end + NAMED_WITHIN
-        for other in trace.effects
+        for other in record.effects
     )
 
 
 # ---- C: nobody drives blind
 
 
-def _blind(trace: Trace) -> Judgement:
-    driving = np.any(trace.command != 0.0, axis=2)
-    now = trace.time[:, None]
+def _blind(record: Record) -> Judgement:
+    driving = np.any(record.command != 0.0, axis=2)
+    now = record.time[:, None]
     breaches = []
     late = {
-        "the last command of its agent": now - trace.good_command - COMMAND_AGE,
-        "the last picture of it": now - trace.good_pose - CAMERA_AGE,
-        "the last snapshot of the fleet": now - trace.good_snapshot - CAMERA_AGE,
+        "the last command of its agent": now - record.good_command - COMMAND_AGE,
+        "the last picture of it": now - record.good_pose - CAMERA_AGE,
+        "the last snapshot of the fleet": now - record.good_snapshot - CAMERA_AGE,
     }
-    judged = ~_driven_by_others(trace)
+    judged = ~_driven_by_others(record)
     for what, excess in late.items():
         blind = driving & judged & (excess > _SLACK)
-        for i, name in enumerate(trace.names):
+        for i, name in enumerate(record.names):
             for first, last in _episodes(blind[:, i]):
                 limit = COMMAND_AGE if "command" in what else CAMERA_AGE
                 oldest = float((excess[first:last, i]).max()) + limit
                 age = f"{oldest:.2f} s" if np.isfinite(oldest) else "never"
                 breaches.append(
-                    Breach("blind", float(trace.time[first]), (name,), f"{name} drives blind ({what}: {age})")
+                    Breach("blind", float(record.time[first]), (name,), f"{name} drives blind ({what}: {age})")
                 )
     return Judgement(int(judged.sum()), tuple(breaches))
 
 
-def _driven_by_others(trace: Trace) -> Flags:
+def _driven_by_others(record: Record) -> Flags:
     """Whether somebody else drives each robot (T, N)."""
-    driven = np.zeros((len(trace.time), len(trace.names)), dtype=bool)
-    for i, name in enumerate(trace.names):
-        for effect in trace.effects_on(name, "foreign_driver"):
-            driven[_between(trace, effect.start - PERIOD, effect.end + COMMAND_AGE), i] = True
+    driven = np.zeros((len(record.time), len(record.names)), dtype=bool)
+    for i, name in enumerate(record.names):
+        for effect in record.effects_on(name, "foreign_driver"):
+            driven[_between(record, effect.start - PERIOD, effect.end + COMMAND_AGE), i] = True
     return driven
 
 
-def _braking(trace: Trace) -> Judgement:
+def _braking(record: Record) -> Judgement:
     evaluated, breaches = 0, []
-    disturbed = disturbances(trace)
+    disturbed = disturbances(record)
     travelled = np.zeros(disturbed.shape)
-    travelled[1:] = np.cumsum(np.hypot(*np.moveaxis(np.diff(trace.pose[..., :2], axis=0), -1, 0)), axis=0)
-    zero = np.all(trace.command == 0.0, axis=2)
-    slowest = 1.0 - trace.scenario.simulation.drive_error
-    for i, name in enumerate(trace.names):
-        robot = trace.scenario.robot[name]
-        speed = np.abs(trace.twist[:, i, 0])
+    travelled[1:] = np.cumsum(np.hypot(*np.moveaxis(np.diff(record.pose[..., :2], axis=0), -1, 0)), axis=0)
+    zero = np.all(record.command == 0.0, axis=2)
+    slowest = 1.0 - record.scenario.simulation.drive_error
+    for i, name in enumerate(record.names):
+        robot = record.scenario.robot[name]
+        speed = np.abs(record.twist[:, i, 0])
         for first, last in _episodes(zero[:, i]):
             stood = np.flatnonzero(speed[first:last] < STANDING)
             if not first or not len(stood) or disturbed[first:last, i].any():
@@ -253,25 +254,25 @@ def _braking(trace: Trace) -> Judgement:
             way = float(travelled[last - 1, i] - travelled[first, i])
             if way > allowed:
                 what = f"{name} travels {way:.2f} m after its command is zero, expected at most {allowed:.2f} m,"
-                breaches.append(Breach("braking", float(trace.time[first]), (name,), what))
+                breaches.append(Breach("braking", float(record.time[first]), (name,), what))
     return Judgement(evaluated, tuple(breaches))
 
 
-def _stop(trace: Trace) -> Judgement:
+def _stop(record: Record) -> Judgement:
     evaluated, breaches = 0, []
-    driving = np.any(trace.command != 0.0, axis=2) & ~_driven_by_others(trace)
-    resumes = [given.time for given in trace.orders if given.order.kind == "resume" and given.accepted]
-    for i, name in enumerate(trace.names):
-        deaths = [effect.start for effect in trace.effects_on(name, "crash", "restart")]
-        for first, _ in _episodes(trace.latched[:, i]):
+    driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
+    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted]
+    for i, name in enumerate(record.names):
+        deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
+        for first, _ in _episodes(record.latched[:, i]):
             evaluated += 1
-            begin = float(trace.time[first])
+            begin = float(record.time[first])
             # A latch that opens without a resume is a breach like one that does not hold, so it holds until then.
             ends = [time for time in (*resumes, *deaths) if time > begin]
-            end = min(ends, default=float(trace.time[-1]))
-            wrong = _between(trace, begin + COMMAND_AGE + _SLACK, end) & driving[:, i]
+            end = min(ends, default=float(record.time[-1]))
+            wrong = _between(record, begin + COMMAND_AGE + _SLACK, end) & driving[:, i]
             if wrong.any():
-                at = float(trace.time[np.argmax(wrong)])
+                at = float(record.time[np.argmax(wrong)])
                 breaches.append(Breach("stop", at, (name,), f"{name} drives although it was stopped"))
     return Judgement(evaluated, tuple(breaches))
 
@@ -279,12 +280,12 @@ def _stop(trace: Trace) -> Judgement:
 # ---- where, and to the end
 
 
-def _inside(trace: Trace) -> Judgement:
-    arena, breaches = trace.scenario.arena, []
-    disturbed = disturbances(trace)
-    for i, name in enumerate(trace.names):
-        radius = trace.scenario.robot[name].radius
-        x, y = trace.pose[:, i, 0], trace.pose[:, i, 1]
+def _inside(record: Record) -> Judgement:
+    arena, breaches = record.scenario.arena, []
+    disturbed = disturbances(record)
+    for i, name in enumerate(record.names):
+        radius = record.scenario.robot[name].radius
+        x, y = record.pose[:, i, 0], record.pose[:, i, 1]
         over = np.maximum.reduce([arena.x_min - x, x - arena.x_max, arena.y_min - y, y - arena.y_max]) + radius
         out = over > _OUTSIDE
         for first, last in _episodes(out):
@@ -292,15 +293,15 @@ def _inside(trace: Trace) -> Judgement:
                 continue  # it was put down there, or driven there by somebody else
             far = float(over[first:last].max())
             what = f"{name} leaves the arena (by {far:.2f} m)"
-            breaches.append(Breach("inside", float(trace.time[first]), (name,), what))
+            breaches.append(Breach("inside", float(record.time[first]), (name,), what))
     return Judgement(int((~disturbed).sum()), tuple(breaches))
 
 
-def _behaves(trace: Trace) -> Judgement:
+def _behaves(record: Record) -> Judgement:
     evaluated: set[str] = set()
     failed: dict[str, Report] = {}
-    for report in trace.reports:
-        if report.process in trace.names:
+    for report in record.reports:
+        if report.process in record.names:
             evaluated.add(report.process)
             if report.failure:
                 failed.setdefault(report.process, report)
@@ -308,10 +309,10 @@ def _behaves(trace: Trace) -> Judgement:
     return Judgement(len(evaluated), tuple(breaches))
 
 
-def _finished(trace: Trace) -> Judgement:
-    if trace.finished:
+def _finished(record: Record) -> Judgement:
+    if record.finished:
         return Judgement(1, ())
-    at = float(trace.time[-1]) if len(trace.time) else 0.0
+    at = float(record.time[-1]) if len(record.time) else 0.0
     return Judgement(1, (Breach("finished", at, (), "the trial does not go on"),))
 
 
@@ -321,8 +322,8 @@ def _episodes(flags: Flags) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _between(trace: Trace, start: float, end: float) -> Flags:
-    within: Flags = (trace.time >= start) & (trace.time <= end)
+def _between(record: Record, start: float, end: float) -> Flags:
+    within: Flags = (record.time >= start) & (record.time <= end)
     return within
 
 
@@ -340,17 +341,17 @@ PROMISES: Final = (
 """Every promise, most important first."""
 
 
-def judge(trace: Trace) -> dict[str, Judgement]:
-    """Judge a trace by every promise.
+def judge(record: Record) -> dict[str, Judgement]:
+    """Judge a record by every promise.
 
     Args:
-        trace: the trace.
+        record: the record.
 
     Returns:
         The judgements by the promise's name.
 
     Raises:
-        IncompleteTrace: not all of the trial was watched.
+        IncompleteRecord: not all of the trial was watched.
     """
-    require_whole(trace)
-    return {promise.name: promise.judge(trace) for promise in PROMISES}
+    require_whole(record)
+    return {promise.name: promise.judge(record) for promise in PROMISES}

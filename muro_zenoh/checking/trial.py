@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import math
 import time
@@ -14,8 +13,10 @@ import numpy as np
 
 from muro_zenoh.checking.contacts import contacts, disturbances
 from muro_zenoh.checking.coverage import Cell, cell_of
+from muro_zenoh.checking.operator import Operator
 from muro_zenoh.checking.promises import Breach, Judgement, judge
-from muro_zenoh.checking.trace import Trace
+from muro_zenoh.checking.record import Record, make_record
+from muro_zenoh.checking.run import run_fleet
 from muro_zenoh.config import Scenario
 
 DRIVING_SHARE: Final = 0.5
@@ -61,7 +62,7 @@ class Result(NamedTuple):
         return not self.lacks or bool(self.breaches)
 
 
-def run_trial(scenario: Scenario, seed: int) -> tuple[Trace, Result]:
+def run_trial(scenario: Scenario, seed: int) -> tuple[Record, Result]:
     """Run a trial and judge it.
 
     Args:
@@ -69,72 +70,59 @@ def run_trial(scenario: Scenario, seed: int) -> tuple[Trace, Result]:
         seed: of starts, noise, and the order of what is ready at one instant.
 
     Raises:
-        IncompleteTrace: not all of it was watched.
+        IncompleteRecord: not all of it was watched.
     """
-    from muro_zenoh.checking.fleet import run_fleet
-
     began = time.perf_counter()
-    trace = run_fleet(scenario, seed)
+    operator = Operator(scenario)
+    trace = run_fleet(scenario, seed, operator)
     wall = time.perf_counter() - began
-    return trace, result_of(trace, wall)
+    record = make_record(scenario, seed, trace, operator)
+    return record, result_of(record, wall)
 
 
-def result_of(trace: Trace, wall: float) -> Result:
-    """Judge a trace.
+def result_of(record: Record, wall: float) -> Result:
+    """Judge a record.
 
     Args:
-        trace: the trace.
+        record: the record.
         wall: how long it took [s].
 
     Raises:
-        IncompleteTrace: not all of the trial was watched.
+        IncompleteRecord: not all of the trial was watched.
     """
-    driving = float(np.any(trace.command != 0.0, axis=2).mean())
+    driving = float(np.any(record.command != 0.0, axis=2).mean())
     return Result(
-        seed=trace.seed,
-        duration=float(trace.time[-1]),
+        seed=record.seed,
+        duration=float(record.time[-1]),
         wall=wall,
         driving=driving,
-        lacks=_lack(trace, driving),
-        judgements=judge(trace),
-        contacts=Counter(str(contact.kind) for contact in contacts(trace)),
-        separation=_separation(trace),
+        lacks=_lack(record, driving),
+        judgements=judge(record),
+        contacts=Counter(str(contact.kind) for contact in contacts(record)),
+        separation=_separation(record),
         met=Counter(
-            {cell_of(effect.fault, activity) for effect in trace.effects for activity in effect.robots.values()}
+            {cell_of(effect.fault, activity) for effect in record.effects for activity in effect.robots.values()}
         ),
-        digest=digest_of(trace),
+        digest=record.digest,
     )
 
 
-def _separation(trace: Trace) -> float:
-    least, disturbed = math.inf, disturbances(trace)
-    for i, j in itertools.combinations(range(len(trace.names)), 2):
-        apart = np.hypot(*(trace.pose[:, i, :2] - trace.pose[:, j, :2]).T)
+def _separation(record: Record) -> float:
+    least, disturbed = math.inf, disturbances(record)
+    for i, j in itertools.combinations(range(len(record.names)), 2):
+        apart = np.hypot(*(record.pose[:, i, :2] - record.pose[:, j, :2]).T)
         least = min(least, float(apart.min(initial=math.inf, where=~(disturbed[:, i] | disturbed[:, j]))))
     return least
 
 
-def _lack(trace: Trace, driving: float) -> str:
-    faults = trace.scenario.faults
-    without = [fault.kind for fault in faults if all(effect.fault != fault for effect in trace.effects)]
+def _lack(record: Record, driving: float) -> str:
+    faults = record.scenario.faults
+    without = [fault.kind for fault in faults if all(effect.fault != fault for effect in record.effects)]
     if driving < DRIVING_SHARE:
         return f"its robots drove for {driving:.0%} of the time"
     if without:
         return f"no effect of {' and '.join(without)}"
-    changes = [given for given in trace.orders if given.order.kind == "behaviour" and given.order.at > 0.0]
+    changes = [given for given in record.orders if given.order.kind == "behaviour" and given.order.at > 0.0]
     if changes and not any(given.accepted for given in changes):
         return "no change of behaviour was accepted"
     return ""
-
-
-def digest_of(trace: Trace) -> str:
-    """A digest of everything that happened.
-
-    Args:
-        trace: the trace.
-    """
-    digest = hashlib.sha256()
-    for array in (trace.time, trace.pose, trace.twist, trace.command, trace.good_pose, trace.good_command):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(repr((trace.effects, trace.reports, trace.orders)).encode())
-    return digest.hexdigest()

@@ -14,7 +14,7 @@ from muro_zenoh.errors import ConfigError, MissingExtra
 if TYPE_CHECKING:
     from muro_zenoh.checking.check import Report
     from muro_zenoh.checking.promises import Breach
-    from muro_zenoh.checking.trace import Trace
+    from muro_zenoh.checking.record import Record
     from muro_zenoh.checking.trial import Result
     from muro_zenoh.config import Scenario
 
@@ -153,41 +153,41 @@ def _replay(
     from muro_zenoh.checking.trial import run_trial
 
     quiet()
-    trace, result = run_trial(scenario, seed)
+    record, result = run_trial(scenario, seed)
     if not brief:
-        click.echo("\n".join(story(trace, result.breaches)))
+        click.echo("\n".join(story(record, result.breaches)))
         click.echo(f"seed {seed}: {result.breaches[0] if result.breaches else 'no promise broken'}")
     if not result.breaches:
         return 0
     folder = _folder(what, out)
-    _draw(trace, result.breaches, folder / f"seed-{seed}")
+    _draw(record, result.breaches, folder / f"seed-{seed}")
     if shrink:
-        _shrink(trace, result, folder / f"seed-{seed}.toml")
+        _shrink(record, result, folder / f"seed-{seed}.toml")
     return 1
 
 
-def _draw(trace: Trace, breaches: tuple[Breach, ...], stem: Path) -> None:
+def _draw(record: Record, breaches: tuple[Breach, ...], stem: Path) -> None:
     from muro_zenoh.checking.animation import write_animation
     from muro_zenoh.checking.picture import draw_breach
 
     animation = stem.with_name(f"{stem.name}-animation.svg")
-    write_animation(trace, breaches, animation)
+    write_animation(record, breaches, animation)
     click.echo(f"animation: {animation}")
     try:
-        draw_breach(trace, breaches[0], stem.with_suffix(".png"))
+        draw_breach(record, breaches[0], stem.with_suffix(".png"))
         click.echo(f"picture: {stem.with_suffix('.png')}")
     except MissingExtra as error:
         click.echo(f"no picture: {error}")
 
 
-def _shrink(trace: Trace, result: Result, path: Path) -> None:
+def _shrink(record: Record, result: Result, path: Path) -> None:
     from muro_zenoh.checking.minimal import breach_of, minimal, with_starts
     from muro_zenoh.config.writing import as_toml
     from muro_zenoh.wording import counted
 
     breach = result.breaches[0]
     click.echo("shrinking ...")
-    least = minimal(with_starts(trace), trace.seed, breach, breach_of(breach.promise))
+    least = minimal(with_starts(record), record.seed, breach, breach_of(breach.promise))
     scenario = least.scenario
     parts = f"{counted(len(scenario.faults), 'fault')}, {counted(len(scenario.robots), 'robot')}"
     text = (

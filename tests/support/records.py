@@ -1,4 +1,4 @@
-"""Traces made by hand, for what judges them."""
+"""Records made by hand, for what judges them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from muro_zenoh.checking.trace import PERIOD, Report, Trace
+from muro_zenoh.checking.operator import Report
+from muro_zenoh.checking.record import PERIOD, Record
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.config.faults import KINDS, Fault
 
@@ -17,7 +18,7 @@ def fault(kind: str, target: str, at: float, duration: float, **numbers: Any) ->
     return KINDS[kind](target=target, at=at, duration=duration, **numbers)
 
 
-def still(robots: int = 2, seconds: float = 10.0) -> Trace:
+def still(robots: int = 2, seconds: float = 10.0) -> Record:
     """A fleet that stands in a row, 1 m apart, with everything fresh."""
     scenario = parse_scenario({"robots": robots, "duration": seconds}, "lab.toml", name="lab")
     count = round(seconds / PERIOD) + 1
@@ -25,7 +26,7 @@ def still(robots: int = 2, seconds: float = 10.0) -> Trace:
     pose = np.zeros((count, robots, 3))
     pose[:, :, 0] = np.arange(robots) - 0.5 * (robots - 1)
     fresh = np.repeat(time[:, None], robots, axis=1)
-    return Trace(
+    return Record(
         scenario=scenario,
         seed=1,
         time=time,
@@ -40,14 +41,16 @@ def still(robots: int = 2, seconds: float = 10.0) -> Trace:
     )
 
 
-def driving(trace: Trace, robot: int, start: float, end: float, v: float = 0.2) -> Trace:
-    """The trace with a robot driven along x, from one time to another, without any lag; what was is not changed."""
-    trace = dataclasses.replace(trace, pose=trace.pose.copy(), twist=trace.twist.copy(), command=trace.command.copy())
-    rows = (trace.time > start) & (trace.time <= end)
-    trace.twist[rows, robot, 0] = v
-    trace.command[rows, robot, 0] = v
-    trace.pose[:, robot, 0] += np.cumsum(np.where(rows, v * PERIOD, 0.0))
-    return trace
+def driving(record: Record, robot: int, start: float, end: float, v: float = 0.2) -> Record:
+    """The record with a robot driven along x, from one time to another, without any lag; what was is not changed."""
+    record = dataclasses.replace(
+        record, pose=record.pose.copy(), twist=record.twist.copy(), command=record.command.copy()
+    )
+    rows = (record.time > start) & (record.time <= end)
+    record.twist[rows, robot, 0] = v
+    record.command[rows, robot, 0] = v
+    record.pose[:, robot, 0] += np.cumsum(np.where(rows, v * PERIOD, 0.0))
+    return record
 
 
 def aged(ages: np.ndarray, time: np.ndarray, robot: int, since: float) -> np.ndarray:
