@@ -310,7 +310,7 @@ def _carry(fleet: VirtualFleet, fault: f.CarryFault, effect: Effect, rng: random
 
 def _lie(fleet: VirtualFleet, fault: f.LieFault, effect: Effect, rng: random.Random) -> End:
     effect.what = "estimates falsified"
-    key = key_of(fleet.bus.realm, channels.ESTIMATE, fault.robot)
+    key = key_of(fleet.operator.realm, channels.ESTIMATE, fault.robot)
     first: list[Estimate] = []
 
     def change(payload: bytes) -> bytes:

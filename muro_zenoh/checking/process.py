@@ -36,9 +36,12 @@ class Process:
         name: its name.
         clock: its clock.
         task: what it runs; None before the first start.
+        bus: its bus, from the first start on.
         ended: called with an exception that ended it, or None, when it has ended by itself.
         changed: called when it is killed, frozen or thawed, before anything of it runs again.
     """
+
+    bus: Bus
 
     def __init__(
         self,
@@ -88,8 +91,8 @@ class Process:
         assert isinstance(loop, VirtualLoop)
         self._leaving = False
         self._tasks = VirtualProcess(loop, self.name)
-        bus, coroutine = self._tasks.run(self._put_together)
-        self.task = self._tasks.create_task(_live(bus, coroutine), name=self.name)
+        self.bus, coroutine = self._tasks.run(self._put_together)
+        self.task = self._tasks.create_task(_live(self.bus, coroutine), name=self.name)
         self.task.add_done_callback(self._note_end)
         return self.task
 

@@ -10,13 +10,13 @@ import numpy as np
 from agents.base.simulated import STEP
 from muro_zenoh import channels
 from muro_zenoh.checking.faults import Faults
-from muro_zenoh.checking.fleet import VirtualFleet, virtual_fleet
+from muro_zenoh.checking.fleet import VirtualFleet
 from muro_zenoh.checking.trace import ProcessEnd, Report, Trace, find_contacts
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.virtual_time import run_virtually
 
 Script = Callable[[VirtualFleet], Awaitable[None]]
-"""What an operator does during a run: it awaits ``asyncio.sleep`` and gives orders with ``fleet.bus``."""
+"""What an operator does during a run: it awaits ``asyncio.sleep`` and gives orders with ``fleet.operator``."""
 
 
 def run_fleet(scenario: Scenario, seed: int, script: Script | None = None) -> Trace:
@@ -39,15 +39,13 @@ def run_fleet(scenario: Scenario, seed: int, script: Script | None = None) -> Tr
 
 
 async def _run(scenario: Scenario, seed: int, script: Script | None) -> Trace:
-    async with virtual_fleet(scenario, seed, restart=True) as fleet:
+    async with VirtualFleet(scenario, seed, restart=True) as fleet:
         reports: list[Report] = []
         faults = Faults(fleet, seed)
         async with asyncio.TaskGroup() as tasks:
             running = [tasks.create_task(_collect(fleet, reports))]
             faults.schedule()
             await fleet.start()
-            for name in scenario.robots:
-                fleet.start_agent(name)
             if script is not None:
                 running.append(tasks.create_task(_follow(script, fleet)))
             await asyncio.sleep(scenario.duration - fleet.elapsed)
@@ -64,7 +62,7 @@ async def _follow(script: Script, fleet: VirtualFleet) -> None:
 
 async def _collect(fleet: VirtualFleet, reports: list[Report]) -> None:
     newest: dict[str, tuple[str, tuple[str, ...]]] = {}
-    async for received in fleet.bus.every(channels.HEALTH, "*", depth=1024):
+    async for received in fleet.operator.every(channels.HEALTH, "*", depth=1024):
         health = received.message
         said = health.state, health.reasons
         if newest.get(received.name) != said:
