@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -41,23 +42,15 @@ class View:
     """What comes between the cameras and the robots. It outlives the cameras' processes.
 
     Attributes:
-        blind: the cameras that give no pictures.
-        hidden: the robots that no camera sees.
+        blind: how many faults make a camera give no pictures, by its name.
+        hidden: how many hide a robot from all cameras, by its name.
         missed: how many pictures were not taken, by camera, and sightings not made, by robot.
     """
 
     def __init__(self) -> None:
-        self.blind: set[str] = set()
-        self.hidden: set[str] = set()
-        self.missed: dict[str, int] = {}
-
-    def miss(self, name: str) -> None:
-        """Count what was not seen.
-
-        Args:
-            name: a camera or a robot.
-        """
-        self.missed[name] = self.missed.get(name, 0) + 1
+        self.blind: Counter[str] = Counter()
+        self.hidden: Counter[str] = Counter()
+        self.missed: Counter[str] = Counter()
 
 
 class SightingCamera:
@@ -103,8 +96,8 @@ class SightingCamera:
             count = max(count + 1, int((loop.time() - begin) / self._period))
             await asyncio.sleep(begin + count * self._period - loop.time())
             self._floor.catch_up()
-            if self._name in self._view.blind:
-                self._view.miss(self._name)
+            if self._view.blind[self._name]:
+                self._view.missed[self._name] += 1
                 continue
             now = loop.time()
             frame = Frame(stamp=self._clock.now(), width=1, height=1, format="grey", data=_encode(self._look(now)))
@@ -115,8 +108,8 @@ class SightingCamera:
         seen = (poses + self._rng.normal(0.0, _SIGMA, poses.shape)).tolist()
         rows = []
         for name, (x, y, theta) in zip(self._robots, seen, strict=True):
-            if name in self._view.hidden:
-                self._view.miss(name)
+            if self._view.hidden[name]:
+                self._view.missed[name] += 1
             else:
                 rows.append((name, x, y, theta))
         return _Picture(now, rows)

@@ -187,41 +187,49 @@ def _router_down(trouble: Trouble, fleet: VirtualFleet, effect: Effect, what: st
     return end
 
 
+def _crash_router(fleet: VirtualFleet, effect: Effect) -> End:
+    end = _router_down(troubles.Cut(), fleet, effect, "messages lost")
+    fleet.network.lapse()
+    return end
+
+
 def _crash(fleet: VirtualFleet, fault: f.CrashFault, effect: Effect, rng: random.Random) -> End:
     if fault.place is Place.ROUTER:
-        end = _router_down(troubles.Cut(), fleet, effect, "messages lost")
-        fleet.network.lapse()
-        return end
+        return _crash_router(fleet, effect)
     effect.what = "processes killed"
-    killed = [process for process in _processes(fleet, fault) if process.running]
-    for process in killed:
+    processes = _processes(fleet, fault)
+    for process in processes:
+        process.held_down += 1
+        effect.amount += process.running
         process.kill()
-    effect.amount = len(killed)
 
     def start() -> None:
-        for process in killed:
-            process.start()
+        for process in processes:
+            process.held_down -= 1
+            process.start_after_end()
 
     return start
 
 
 def _restart(fleet: VirtualFleet, fault: f.RestartFault, effect: Effect, rng: random.Random) -> End:
     if fault.place is Place.ROUTER:
-        return _crash(fleet, f.CrashFault(target=fault.target, at=fault.at, until=fault.until), effect, rng)
+        return _crash_router(fleet, effect)
     effect.what = "processes started anew"
-    asked = [process for process in _processes(fleet, fault) if process.running]
+    processes = _processes(fleet, fault)
+    for process in processes:
+        process.held_down += 1
+        effect.amount += process.running
+        process.end()
 
     def start() -> None:
-        for process in asked:
+        for process in processes:
+            process.held_down -= 1
             process.start_after_end()
-        effect.amount = len(asked)
 
-    for process in asked:
-        process.end()
-    if math.isinf(fault.end):
-        start()
-        return lambda: None
-    return start
+    if math.isfinite(fault.end):
+        return start
+    start()
+    return lambda: None
 
 
 def _freeze(fleet: VirtualFleet, fault: f.FreezeFault, effect: Effect, rng: random.Random) -> End:
@@ -273,13 +281,13 @@ def _camera_dropout(fleet: VirtualFleet, fault: f.CameraDropoutFault, effect: Ef
     view = fleet.view
     effect.what = "sightings missed" if fault.robot else "pictures missed"
     unseen = view.hidden if fault.robot else view.blind
-    names = {fault.robot} if fault.robot else {fault.target.partition("/")[2]} - {""} or set(fleet.cameras)
-    before = sum(view.missed.get(name, 0) for name in names)
-    unseen |= names
+    names = [fault.robot or fault.target.partition("/")[2]] if fault.place is not Place.CAMERAS else list(fleet.cameras)
+    before = sum(view.missed[name] for name in names)
+    unseen.update(names)
 
     def end() -> None:
-        unseen.difference_update(names)
-        effect.amount = sum(view.missed.get(name, 0) for name in names) - before
+        unseen.subtract(names)
+        effect.amount = sum(view.missed[name] for name in names) - before
 
     return end
 
@@ -288,11 +296,13 @@ def _halt(fleet: VirtualFleet, fault: f.HaltFault, effect: Effect, rng: random.R
     effect.what = "s jammed against a command"
     world, row = fleet.world, fleet.scenario.robots.index(fault.robot)
     world.catch_up()
-    world.jammed[row] = 0.0
+    world.jammed[row] += 1
+    before = world.jammed_for[row]
 
     def end() -> None:
         world.catch_up()
-        effect.amount = world.jammed.pop(row)
+        world.jammed[row] -= 1
+        effect.amount = world.jammed_for[row] - before
 
     return end
 
@@ -300,10 +310,10 @@ def _halt(fleet: VirtualFleet, fault: f.HaltFault, effect: Effect, rng: random.R
 def _carry(fleet: VirtualFleet, fault: f.CarryFault, effect: Effect, rng: random.Random) -> End:
     effect.what = "m carried"
     world, row = fleet.world, fleet.scenario.robots.index(fault.robot)
-    world.carry(row, (fault.x, fault.y, fault.theta), fault.end - fault.at)
+    hand = world.carry(row, (fault.x, fault.y, fault.theta), fault.end - fault.at)
 
     def end() -> None:
-        effect.amount = world.set_down(row)
+        effect.amount = world.set_down(row, hand)
 
     return end
 
@@ -316,8 +326,8 @@ def _lie(fleet: VirtualFleet, fault: f.LieFault, effect: Effect, rng: random.Ran
     def change(payload: bytes) -> bytes:
         effect.amount += 1
         said = decode(payload, Estimate)
-        first.append(said) if not first else None
         if fault.stuck:
+            first.append(said)
             return encode(msgspec.structs.replace(first[0], stamp=said.stamp, seq=said.seq, epoch=said.epoch))
         return encode(
             msgspec.structs.replace(
@@ -330,8 +340,9 @@ def _lie(fleet: VirtualFleet, fault: f.LieFault, effect: Effect, rng: random.Ran
             )
         )
 
-    fleet.network.changes[key] = change
-    return lambda: fleet.network.changes.pop(key)  # type: ignore[return-value]
+    changes = fleet.network.changes.setdefault(key, [])
+    changes.append(change)
+    return lambda: changes.remove(change)
 
 
 _FOREIGN_PERIOD = 0.05
@@ -352,7 +363,8 @@ def _foreign_driver(fleet: VirtualFleet, fault: f.ForeignDriverFault, effect: Ef
     def put(bus: Bus) -> Coroutine[Any, Any, None]:
         return drive(bus)
 
-    process = fleet.add(f"foreign/{fault.robot}", put, (Role.AGENT,), ("foreign",))
+    name = f"foreign {len(fleet.processes)}"
+    process = fleet.add(name, put, (Role.AGENT,), (name,))
     process.start()
     return process.kill
 
@@ -361,11 +373,12 @@ def _drive_wheels(fleet: VirtualFleet, fault: f.ForeignDriverFault, effect: Effe
     effect.what = "s driven"
     world, row = fleet.world, fleet.scenario.robots.index(fault.robot)
     world.catch_up()
-    world.driven[row] = fault.v, fault.omega
+    twist = fault.v, fault.omega
+    world.driven.append((row, twist))
 
     def end() -> None:
         world.catch_up()
-        del world.driven[row]
+        world.driven.remove((row, twist))
         effect.amount = fleet.elapsed - effect.begun
 
     return end

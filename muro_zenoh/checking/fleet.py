@@ -222,7 +222,7 @@ class VirtualFleet:
         return self.processes.get(f"{name}/base") or self.processes[_BASES]
 
     def open_bus(self, *roles: Role) -> Bus:
-        """A bus of another process, such as an operator's tool; by default with every role. It is closed with the fleet.
+        """A bus of another process, such as a tool's; by default with every role. It is closed with the fleet.
 
         Args:
             roles: what it is.

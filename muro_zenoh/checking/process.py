@@ -37,6 +37,7 @@ class Process:
         clock: its clock.
         task: what it runs; None before the first start.
         bus: its bus, from the first start on.
+        held_down: by how many faults; nothing starts it meanwhile.
         ended: called with an exception that ended it, or None, when it has ended by itself.
         changed: called when it is killed, frozen or thawed, before anything of it runs again.
     """
@@ -69,7 +70,7 @@ class Process:
         self._tasks: VirtualProcess | None = None
         self._link: MemoryLink | None = None
         self._leaving = False
-        self._over = False
+        self.held_down = 0
 
     @property
     def running(self) -> bool:
@@ -104,7 +105,7 @@ class Process:
         """
 
         def start() -> None:
-            if not self.running and not self._over:
+            if not self.running and not self.held_down:
                 self.start()
 
         def wait(task: asyncio.Task[None] | None = None) -> None:
@@ -135,7 +136,7 @@ class Process:
 
     def end_for_good(self) -> None:
         """The same, and nothing starts it anew."""
-        self._over = True
+        self.held_down += 1
         self.thaw()
         self.end()
 
@@ -155,18 +156,19 @@ class Process:
             self._link.freeze()
             self.changed("frozen")
 
-    def thaw(self) -> int:
-        """Let it go on, as by SIGCONT; returns how many messages wait for it."""
+    def thaw(self) -> None:
+        """Let it go on, as by SIGCONT."""
         if not self.frozen or self._tasks is None or self._link is None:
-            return 0
+            return
         self.changed("thawed")
-        # The threads that take messages wake together with the loop: either may be first.
-        if self._rng.random() < 0.5:
-            self._tasks.thaw()
-            return self._link.thaw()
-        waiting = self._link.thaw()
         self._tasks.thaw()
-        return waiting
+        # The threads that take messages wake together with the loop: either may be first.
+        link = self._link
+        asyncio.get_running_loop().call_soon(self._take_backlog, link, context=contextvars.Context())
+
+    def _take_backlog(self, link: MemoryLink) -> None:
+        if not self.frozen or link is not self._link:
+            link.thaw()
 
     def begin(self, trouble: Trouble, direction: str) -> None:
         """Its link has a trouble from now on, also after a new start.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,8 +24,8 @@ _COLUMNS: Final = 7
 """Of a record: x y theta, v omega, commanded v omega."""
 
 
-@dataclass(slots=True)
-class _Hand:
+@dataclass(frozen=True, slots=True, eq=False)
+class Hand:
     """Carries a robot: from a pose, by a distance, between two times."""
 
     start: tuple[float, float, float]
@@ -52,16 +53,18 @@ class World(Floor):
         clock: the true one.
 
     Attributes:
-        jammed: time for which the wheels of a row that are jammed were commanded to turn [s].
-        driven: what another hand commands the wheels of a row: v [m/s], omega [rad/s].
+        jammed: how many faults jam the wheels, by row.
+        jammed_for: how long jammed wheels were commanded to turn, by row [s].
+        driven: the rows whose wheels somebody else drives: v [m/s], omega [rad/s]; the last one counts.
     """
 
     def __init__(self, plant: Plant, clock: Clock) -> None:
         super().__init__(plant, clock)
-        self.jammed: dict[int, float] = {}
-        self.driven: dict[int, tuple[float, float]] = {}
+        self.jammed: Counter[int] = Counter()
+        self.jammed_for: defaultdict[int, float] = defaultdict(float)
+        self.driven: list[tuple[int, tuple[float, float]]] = []
         self._begun = clock.now()
-        self._hands: dict[int, _Hand] = {}
+        self._hands: dict[int, Hand] = {}
         self._abandoned: dict[int, float] = {}  # since when no process speaks to the wheels of a row [s]
         self._records: list[Array] = []
         self._block: Array = np.empty((0, len(plant), _COLUMNS))
@@ -74,29 +77,35 @@ class World(Floor):
         """Time since the start [s]."""
         return self._time - self._begun
 
-    def carry(self, row: int, by: tuple[float, float, float], lasts: float) -> None:
+    def carry(self, row: int, by: tuple[float, float, float], lasts: float) -> Hand:
         """Carry a robot from now on.
 
         Args:
             row: which.
             by: how far: x [m], y [m], theta [rad].
             lasts: how long it takes [s].
+
+        Returns:
+            For :meth:`set_down`.
         """
         self.catch_up()
         x, y, theta = self.plant.pose[row].tolist()
-        self._hands[row] = _Hand((x, y, theta), by, self.elapsed, self.elapsed + lasts)
+        hand = self._hands[row] = Hand((x, y, theta), by, self.elapsed, self.elapsed + lasts)
+        return hand
 
-    def set_down(self, row: int) -> float:
+    def set_down(self, row: int, hand: Hand) -> float:
         """End carrying a robot.
 
         Args:
             row: which.
+            hand: what carries it; another one may have taken it meanwhile.
 
         Returns:
             How far it is from where it was taken [m].
         """
         self.catch_up()
-        hand = self._hands.pop(row)
+        if self._hands.get(row) is hand:
+            del self._hands[row]
         x, y, _ = self.plant.pose[row].tolist()
         return math.hypot(x - hand.start[0], y - hand.start[1])
 
@@ -129,10 +138,10 @@ class World(Floor):
         effective = commanded
         if self.driven or self.jammed:
             effective = commanded.copy()
-            for row, twist in self.driven.items():
+            for row, twist in self.driven:
                 effective[row] = twist
-            for row in self.jammed:
-                self.jammed[row] += STEP if effective[row].any() else 0.0
+            for row in +self.jammed:
+                self.jammed_for[row] += STEP if effective[row].any() else 0.0
                 effective[row] = 0.0
                 self.plant.jam(row)
         self.plant.step(effective, STEP)

@@ -46,7 +46,13 @@ class _Reader:
     link: MemoryLink
     expression: str
     file: FileSample
-    witness: Witness | None = None
+    witness: Witness | None
+
+    def take(self, key: str, payload: bytes, encoding: str | None, sent: float | None = None) -> None:
+        """File a sample that was sent now, or at a time."""
+        if self.witness is not None:
+            self.witness(key, asyncio.get_running_loop().time() if sent is None else sent)
+        self.file(key, payload, encoding)
 
 
 @dataclass(slots=True, eq=False)
@@ -79,7 +85,7 @@ class MemoryNetwork:
 
     def __init__(self) -> None:
         self.router = Way(self._settle)
-        self.changes: dict[str, Callable[[bytes], bytes]] = {}
+        self.changes: dict[str, list[Callable[[bytes], bytes]]] = {}
         self._calm = True
         self._links: dict[MemoryLink, None] = {}
         self._readers: list[_Reader] = []
@@ -99,31 +105,40 @@ class MemoryNetwork:
         link = MemoryLink(self, frozenset(computers), witnesses or {})
         self._links[link] = None
         self._settle()
+        link._check_silence()
         return link
 
     def put(self, key: str, payload: bytes, encoding: str | None = None, *, sender: MemoryLink | None = None) -> None:
         """Deliver bytes to every reader but the sender's own; without a sender, as a stranger would."""
-        if key in self.changes:
-            payload = self.changes[key](payload)
+        for change in self.changes.get(key, ()):
+            payload = change(payload)
+        if self._calm:
+            for reader in self._readers_to(key):
+                if reader.link is not sender:
+                    reader.take(key, payload, encoding)
+            return
+        now = asyncio.get_running_loop().time()
+        for reader in self._readers_to(key):
+            if sender is not None and reader.link is not sender and reader.link.is_near(sender):
+                reader.link.receive(partial(reader.take, key, payload, encoding, now))
+        spread = partial(self._spread, sender, key, payload, encoding, now)
+        (sender.way_out if sender is not None else self.router).send(
+            partial(self.router.send, spread) if sender is not None else spread
+        )
+
+    def _spread(self, sender: MemoryLink | None, key: str, payload: bytes, encoding: str | None, sent: float) -> None:
+        """Send a sample from the router on to its readers."""
+        for reader in self._readers_to(key):
+            link = reader.link
+            if link is not sender and (sender is None or not link.is_near(sender)):
+                link.way_in.send(partial(link.receive, partial(reader.take, key, payload, encoding, sent)))
+
+    def _readers_to(self, key: str) -> tuple[_Reader, ...]:
         readers = self._readers_of.get(key)
         if readers is None:
             readers = tuple(reader for reader in self._readers if matches(reader.expression, key))
             self._readers_of[key] = readers
-        for reader in readers:
-            if reader.link is sender:
-                continue
-            if self._calm:
-                if reader.witness is not None:
-                    reader.witness(key, asyncio.get_running_loop().time())
-                reader.file(key, payload, encoding)
-            else:
-                self._send(sender, reader, key, payload, encoding)
-
-    def _send(self, sender: MemoryLink | None, reader: _Reader, key: str, payload: bytes, encoding: str | None) -> None:
-        deliver: Deliver = partial(reader.file, key, payload, encoding)
-        if reader.witness is not None:
-            deliver = partial(_witnessed, reader.witness, key, asyncio.get_running_loop().time(), deliver)
-        self.carry(sender, reader.link, deliver)
+        return readers
 
     def carry(self, sender: MemoryLink | None, receiver: MemoryLink, deliver: Deliver, reliable: bool = False) -> None:
         """Take something from link to link.
@@ -135,7 +150,7 @@ class MemoryNetwork:
             reliable: whether it is repeated until it has arrived.
         """
         deliver = partial(receiver.receive, deliver)
-        if self._calm or (sender is not None and not sender.computers.isdisjoint(receiver.computers)):
+        if self._calm or (sender is not None and receiver.is_near(sender)):
             deliver()
             return
         hop = partial(self.router.send, partial(receiver.way_in.send, deliver, reliable), reliable)
@@ -203,11 +218,6 @@ def _sees(watcher: _Watcher, key: str, link: MemoryLink) -> bool:
     if link.lapsed or watcher.link.lapsed:
         return False
     return key in watcher.shown if link.silent or watcher.link.silent else True
-
-
-def _witnessed(witness: Witness, key: str, sent: float, deliver: Deliver) -> None:
-    witness(key, sent)
-    deliver()
 
 
 @dataclass(slots=True)
@@ -287,6 +297,14 @@ class MemoryLink:
         """Whether everything passes at once."""
         return self.way_in.calm and self.way_out.calm and self._backlog is None
 
+    def is_near(self, other: MemoryLink) -> bool:
+        """Whether another link is on the same computer, or the same, so that the router is not between them.
+
+        Args:
+            other: the other one.
+        """
+        return other is self or not self.computers.isdisjoint(other.computers)
+
     # ---- troubles
 
     def begin(self, trouble: Trouble, direction: str = "both") -> None:
@@ -316,18 +334,17 @@ class MemoryLink:
 
     def freeze(self) -> None:
         """Take nothing from now on, because the process does not run; what comes waits."""
-        self._backlog = []
+        self._backlog = self._backlog or []
         self.network._settle()
         self._check_silence()
 
-    def thaw(self) -> int:
-        """Take what has come since :meth:`freeze`; returns how much."""
+    def thaw(self) -> None:
+        """Take what has come since :meth:`freeze`."""
         backlog, self._backlog = self._backlog or [], None
         for deliver in backlog:
             deliver()
         self.network._settle()
         self._check_silence()
-        return len(backlog)
 
     def receive(self, deliver: Deliver) -> None:
         """Take what has arrived.
@@ -383,7 +400,7 @@ class MemoryLink:
         if keep:
             for key, (publisher, payload, encoding_sent) in self.network._kept.items():
                 if matches(key_expr, key) and not publisher.link.frozen:
-                    self.network._send(publisher.link, reader, key, payload, encoding_sent)
+                    self.network.carry(publisher.link, self, partial(reader.take, key, payload, encoding_sent))
         return _Undo(lambda: self.network._unsubscribe(lambda other: other is reader))
 
     @property

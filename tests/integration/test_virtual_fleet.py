@@ -54,7 +54,8 @@ def test_every_fault_begins_does_something_and_ends(fault: dict[str, Any]) -> No
 _DIGEST = """
 from muro_zenoh.checking.run import run_fleet
 from tests.integration.test_virtual_fleet import FAULTS, lab
-print(run_fleet(lab(*({**f, "at": 1.0 + 0.2 * i, "duration": 0.5} for i, f in enumerate(FAULTS)), behaviour="pursuit"), 3).digest())
+faults = [{**fault, "at": 1.0 + 0.2 * number, "duration": 0.5} for number, fault in enumerate(FAULTS)]
+print(run_fleet(lab(*faults, behaviour="pursuit"), 3).digest())
 """
 
 

@@ -107,11 +107,13 @@ class MemoryFleet(VirtualFleet):
     @property
     def seeing(self) -> bool:
         """Whether the cameras see."""
-        return not self.view.blind
+        return not any(self.view.blind.values())
 
     @seeing.setter
     def seeing(self, seeing: bool) -> None:
-        self.view.blind = set() if seeing else set(self.cameras)
+        self.view.blind.clear()
+        if not seeing:
+            self.view.blind.update(self.cameras.keys())
 
     # ---- observations
 
