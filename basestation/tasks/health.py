@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 
@@ -57,7 +58,7 @@ class HealthTask:
         self._other_seen = -math.inf
 
     async def report(self) -> None:
-        """Publish the health once a second."""
+        """Publish the health once a second, and at once when a robot is not what it says."""
         positions = self._positions
         waiting = WaitingLog(log, "waiting", "nothing is missing now")
         while True:
@@ -71,7 +72,10 @@ class HealthTask:
             }
             state = _RUNNING if self._kept.adopted else "starting"
             self._own.put(Health(role=Role.BASESTATION, state=state, reasons=reasons, numbers=numbers))
-            await asyncio.sleep(_PERIOD)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_PERIOD):
+                    await positions.doubted.wait()
+            positions.doubted.clear()
 
     def _reasons(self) -> tuple[str, ...]:
         now, reasons = self._bus.clock.now(), []
@@ -82,6 +86,7 @@ class HealthTask:
         reasons += self._missing_sightings(now)
         for complaints in self._positions.complaints.values():
             reasons += complaints
+        reasons += self._positions.doubts.values()
         return tuple(reasons)
 
     def _missing_sightings(self, now: float) -> list[str]:

@@ -178,7 +178,7 @@ class _Draw:
         if self.chance(0.3):
             return {"stuck": True}
         if self.chance(0.3):
-            return {"v": self.signed(0.2, 1.0), "omega": self.signed(0.0, 1.0)}
+            return {"v": self.signed(0.4, 1.0), "omega": self.signed(0.0, 1.0)}
         return {"x": self.signed(0.4, 1.5), "y": self.signed(0.0, 1.5), "theta": self.signed(0.0, 3.0)}
 
     def driver(self) -> Row:
