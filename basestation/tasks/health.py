@@ -7,6 +7,7 @@ import contextlib
 import logging
 import math
 
+from basestation.tasks.bases import BasesTask
 from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.positions import PositionsTask
 from muro_zenoh import channels
@@ -35,6 +36,7 @@ class HealthTask:
         bus: the bus.
         kept: the kept state's task.
         positions: the fleet's table.
+        bases: what the robots' bases say of their wheels.
         robots: the names of the robots.
         cameras: the names of the cameras in the settings.
     """
@@ -44,12 +46,14 @@ class HealthTask:
         bus: Bus,
         kept: KeptStateTask,
         positions: PositionsTask,
+        bases: BasesTask,
         robots: tuple[str, ...],
         cameras: tuple[str, ...],
     ) -> None:
         self._bus = bus
         self._kept = kept
         self._positions = positions
+        self._bases = bases
         self._robots = robots
         self._cameras = cameras
         self._own = bus.publisher(channels.HEALTH, "basestation")
@@ -87,6 +91,7 @@ class HealthTask:
         for complaints in self._positions.complaints.values():
             reasons += complaints
         reasons += self._positions.doubts.values()
+        reasons += self._bases.reasons.values()
         return tuple(reasons)
 
     def _missing_sightings(self, now: float) -> list[str]:

@@ -14,8 +14,8 @@ driven into (B)
     moves touches it.
 named (B)
     Every robot that is carried, lies or is driven by somebody else: within 1 s of the first effect a health report has
-    a reason that it did not have before, and that is the robot's own or has its name. Not where another fault, at that
-    time, befalls what the report needs: the robot, its processes, the base station, a camera or the router.
+    a reason with its name that it did not have before. Not where another fault, at that time, befalls what the report
+    needs: the robot, its processes, the base station, a camera or the router.
 blind (C)
     Every robot that nobody else drives, at every sample: its wheels are commanded zero when the last good information
     is older than 0.45 s, or 0.6 s where the camera's age counts. The *last good information* is, of three, the one that
@@ -175,8 +175,7 @@ def _is_named(record: Record, name: str, start: float) -> bool:
         elif report.time <= start + NAMED_WITHIN:
             known = {_words(reason) for reason in before.get(report.process, ())}
             for reason in report.reasons:
-                about = report.process.split("/")[0] == name or name in _words(reason)
-                if about and _words(reason) not in known:
+                if name in _words(reason) and _words(reason) not in known:
                     return True
     return False
 

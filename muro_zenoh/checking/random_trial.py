@@ -182,9 +182,11 @@ class _Draw:
         return {"x": self.signed(0.4, 1.5), "y": self.signed(0.0, 1.5), "theta": self.signed(0.0, 3.0)}
 
     def driver(self) -> Row:
-        """Somebody else at the wheels."""
-        by = "bus" if self.chance(0.7) else "wheels"
-        return {"v": self.signed(0.05, 0.3), "omega": self.signed(0.0, 1.0), "by": by}
+        """Somebody else at the wheels. With a joystick he drives backwards, as no behaviour does: one who did what the
+        robot does by itself would be noticed by nobody."""
+        if self.chance(0.3):
+            return {"v": -self.uniform(0.15, 0.3), "omega": self.signed(0.0, 1.0), "by": "wheels"}
+        return {"v": self.signed(0.05, 0.3), "omega": self.signed(0.0, 1.0), "by": "bus"}
 
 
 _BEHAVIOURS: Final[Mapping[str, Callable[[_Draw], Row]]] = {
