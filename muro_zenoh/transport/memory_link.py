@@ -13,11 +13,13 @@ import contextvars
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
 from muro_zenoh.channels import Priority
 from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
 from muro_zenoh.transport.memory_faults import Deliver, Trouble, Way
+
+T = TypeVar("T")
 
 LEASE: Final = 2.0
 """After this silence a link counts as closed: its tokens are gone, and it sees no others' [s]."""
@@ -430,12 +432,17 @@ class MemoryLink:
         watcher = _Watcher(self, key_expr, file, {}, {})
         self.network._watchers.append(watcher)
         self.network._show(watcher)
-        return _Undo(lambda: self.network._watchers.remove(watcher))
+        return _Undo(lambda: self._forget(self.network._watchers, watcher))
+
+    @staticmethod
+    def _forget(entries: list[T], entry: T) -> None:
+        if entry in entries:  # not once the link has left
+            entries.remove(entry)
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         entry = (key, self, file)
         self.network._answers.append(entry)
-        return _Undo(lambda: self.network._answers.remove(entry))
+        return _Undo(lambda: self._forget(self.network._answers, entry))
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
         answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
