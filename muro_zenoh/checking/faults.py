@@ -9,7 +9,8 @@ import asyncio
 import contextvars
 import math
 import random
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -71,12 +72,14 @@ class Faults:
 
     Attributes:
         effects: what each did, in the order of the scenario.
+        failures: errors of ours in applying them.
     """
 
     def __init__(self, fleet: VirtualFleet, seed: int) -> None:
         self.effects = [Effect(fault) for fault in fleet.scenario.faults]
         self._fleet = fleet
         self._seed = seed
+        self.failures: list[Exception] = []
         self._ends: dict[int, End] = {}
 
     def schedule(self) -> None:
@@ -102,11 +105,21 @@ class Faults:
         effect = self.effects[number]
         effect.begun = self._fleet.elapsed
         rng = random.Random(self._seed * 1_000_003 + number)
-        self._ends[number] = _APPLY[type(effect.fault)](self._fleet, effect.fault, effect, rng)
+        with self._noting_failures():
+            self._ends[number] = _APPLY[type(effect.fault)](self._fleet, effect.fault, effect, rng)
 
     def _end(self, number: int) -> None:
         self.effects[number].ended = self._fleet.elapsed
-        self._ends.pop(number)()
+        with self._noting_failures():
+            self._ends.pop(number)()
+
+    @contextmanager
+    def _noting_failures(self) -> Iterator[None]:
+        """The loop would only log them."""
+        try:
+            yield
+        except Exception as error:
+            self.failures.append(error)
 
 
 # ---- links

@@ -105,8 +105,13 @@ class Process:
         """
 
         def start() -> None:
-            if not self.running and not self.held_down:
+            if self.running or self.held_down:
+                return
+            try:
                 self.start()
+            except Exception as error:
+                if self.ended is not None:
+                    self.ended(error)
 
         def wait(task: asyncio.Task[None] | None = None) -> None:
             asyncio.get_running_loop().call_later(pause, start, context=contextvars.Context())

@@ -51,6 +51,8 @@ async def _run(scenario: Scenario, seed: int, script: Script | None) -> Trace:
             await asyncio.sleep(scenario.duration - fleet.elapsed)
             fleet.world.catch_up()
             faults.finish()
+            if faults.failures:
+                raise ExceptionGroup("faults could not be applied", faults.failures)
             for task in running:
                 task.cancel()
         return _trace(fleet, reports, faults)

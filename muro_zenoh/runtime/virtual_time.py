@@ -50,6 +50,7 @@ class VirtualProcess:
         self._queued = False  # among the loop's runnable ones, or frozen: nothing to do when a callback comes
         self._context = contextvars.copy_context()
         self._context.run(_PROCESS.set, self)
+        loop._processes.append(self)
 
     def create_task(self, coroutine: Coroutine[Any, Any, T], *, name: str | None = None) -> asyncio.Task[T]:
         """Start a task of this process.
@@ -77,6 +78,8 @@ class VirtualProcess:
 
     def thaw(self) -> None:
         """Go on: all that became due runs now, in the order in which it became due."""
+        if not self.frozen:
+            return
         self.frozen = self._queued = False
         if self._ready:
             self._loop._queue(self)
@@ -97,6 +100,7 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self._draw = random.Random(seed).random
         self._runnable: list[VirtualProcess] = []
         self._steps = 0
+        self._processes: list[VirtualProcess] = []
         self._main = VirtualProcess(self, "main")
         self.set_task_factory(_make_task)
 
@@ -284,4 +288,15 @@ def run_virtually(main: Coroutine[Any, Any, T], seed: int = 0) -> T:
         RuntimeError: a deadlock: no task can continue; or tasks that let no time pass.
     """
     with asyncio.Runner(loop_factory=lambda: VirtualLoop(seed)) as runner:
-        return runner.run(main)
+        return runner.run(_run_and_thaw(main))
+
+
+async def _run_and_thaw(main: Coroutine[Any, Any, T]) -> T:
+    """Afterwards tasks that are left are cancelled, which a frozen one would not notice."""
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualLoop)
+    try:
+        return await main
+    finally:
+        for process in loop._processes:
+            process.thaw()

@@ -13,11 +13,13 @@ import contextvars
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
 from muro_zenoh.channels import Priority
 from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
 from muro_zenoh.transport.memory_faults import Deliver, Trouble, Way
+
+T = TypeVar("T")
 
 LEASE: Final = 2.0
 """After this silence a link counts as closed: its tokens are gone, and it sees no others' [s]."""
@@ -48,10 +50,10 @@ class _Reader:
     file: FileSample
     witness: Witness | None
 
-    def take(self, key: str, payload: bytes, encoding: str | None, sent: float | None = None) -> None:
-        """File a sample that was sent now, or at a time."""
+    def take(self, key: str, payload: bytes, encoding: str | None, sent: float) -> None:
+        """File a sample that was sent at a time."""
         if self.witness is not None:
-            self.witness(key, asyncio.get_running_loop().time() if sent is None else sent)
+            self.witness(key, sent)
         self.file(key, payload, encoding)
 
 
@@ -112,13 +114,16 @@ class MemoryNetwork:
         """Deliver bytes to every reader but the sender's own; without a sender, as a stranger would."""
         for change in self.changes.get(key, ()):
             payload = change(payload)
+        readers = self._readers_to(key)
         if self._calm:
-            for reader in self._readers_to(key):
+            for reader in readers:
                 if reader.link is not sender:
-                    reader.take(key, payload, encoding)
+                    if reader.witness is not None:
+                        reader.witness(key, asyncio.get_running_loop().time())
+                    reader.file(key, payload, encoding)
             return
         now = asyncio.get_running_loop().time()
-        for reader in self._readers_to(key):
+        for reader in readers:
             if sender is not None and reader.link is not sender and reader.link.is_near(sender):
                 reader.link.receive(partial(reader.take, key, payload, encoding, now))
         spread = partial(self._spread, sender, key, payload, encoding, now)
@@ -204,10 +209,14 @@ class MemoryNetwork:
         }
         if watcher.link.silent and not watcher.link.lapsed:
             there = {**watcher.shown, **there}  # of what goes it does not hear either
-        for key in [key for key in watcher.shown if key not in there]:
-            self.carry(None, watcher.link, partial(watcher.hear, key, False), reliable=True)
-        for key in [key for key in there if key not in watcher.shown]:
-            self.carry(None, watcher.link, partial(watcher.hear, key, True), reliable=True)
+        gone = [(key, False) for key in watcher.shown if key not in there]
+        come = [(key, True) for key in there if key not in watcher.shown]
+        for news in (*gone, *come):
+            deliver = partial(watcher.hear, *news)
+            if watcher.link.lapsed:
+                watcher.link.receive(deliver)  # its own end of the link reports that it is closed
+            else:
+                self.carry(None, watcher.link, deliver, reliable=True)
         watcher.shown = there
 
 
@@ -400,7 +409,7 @@ class MemoryLink:
         if keep:
             for key, (publisher, payload, encoding_sent) in self.network._kept.items():
                 if matches(key_expr, key) and not publisher.link.frozen:
-                    self.network.carry(publisher.link, self, partial(reader.take, key, payload, encoding_sent))
+                    self.network.carry(publisher.link, self, partial(file, key, payload, encoding_sent))
         return _Undo(lambda: self.network._unsubscribe(lambda other: other is reader))
 
     @property
@@ -423,12 +432,17 @@ class MemoryLink:
         watcher = _Watcher(self, key_expr, file, {}, {})
         self.network._watchers.append(watcher)
         self.network._show(watcher)
-        return _Undo(lambda: self.network._watchers.remove(watcher))
+        return _Undo(lambda: self._forget(self.network._watchers, watcher))
+
+    @staticmethod
+    def _forget(entries: list[T], entry: T) -> None:
+        if entry in entries:  # not once the link has left
+            entries.remove(entry)
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         entry = (key, self, file)
         self.network._answers.append(entry)
-        return _Undo(lambda: self.network._answers.remove(entry))
+        return _Undo(lambda: self._forget(self.network._answers, entry))
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
         answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
