@@ -138,9 +138,9 @@ class Report:
 
     @property
     def times_real_time(self) -> float:
-        """Virtual seconds of a whole fleet for each second of one process."""
-        wall = sum(result.wall for result in self.results.values())
-        return sum(result.duration for result in self.results.values()) / wall if wall else 0.0
+        """Virtual seconds of a whole fleet for each second of one core."""
+        cpu = sum(result.cpu for result in self.results.values())
+        return sum(result.duration for result in self.results.values()) / cpu if cpu else 0.0
 
     def problems(self) -> list[str]:
         """What makes the check fail besides breaches, in words."""

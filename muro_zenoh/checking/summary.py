@@ -81,12 +81,19 @@ def _worst(report: Report, how: str) -> Iterator[str]:
 def _numbers(report: Report) -> Iterator[str]:
     table = as_table(report)
     trials = counted(table["trials"], "trial")
-    yield f"{trials}, {table['simulated_s']:.0f} s simulated in {table['wall_s']:.0f} s" + (
-        f" ({table['times_real_time']:g} times real time on each of {counted(report.plan.jobs, 'core')})"
+    jobs = "1 process" if report.plan.jobs == 1 else f"{report.plan.jobs} processes"
+    yield (
+        f"{trials}, {table['simulated_s']:.0f} s simulated in {table['wall_s']:.0f} s by {jobs}; "
+        f"{table['times_real_time']:g} times real time on one core"
     )
     if report.replaced:
-        reason = Counter(lacks.split("%")[-1].strip() for lacks in report.replaced.values()).most_common(1)[0][0]
-        yield f"{counted(len(report.replaced), 'more trial')} did not count (most often: {reason})"
+        stood = sum(1 for lacks in report.replaced.values() if "%" in lacks)
+        others = [lacks for lacks in report.replaced.values() if "%" not in lacks]
+        yield (
+            f"{counted(len(report.replaced), 'more trial')} did not count: {stood} whose robots stood for more than "
+            f"half of the time, {len(others)} in which a fault or order came to nothing"
+            + (f" (such as: {others[0]})" if others else "")
+        )
     for promise in PROMISES:
         count, evaluated = table["breaches"][promise.name], table["evaluated"][promise.name]
         kept = "kept" if not count else f"BROKEN {count} times" if count > 1 else "BROKEN once"

@@ -29,7 +29,7 @@ class Result(NamedTuple):
     Attributes:
         seed: of the trial.
         duration: how long the fleet ran, in virtual time [s].
-        wall: how long that took [s].
+        cpu: processor time that this took [s].
         driving: the share of the time for which the robots were commanded to drive, on average.
         lacks: what it lacks to count as a trial, in words; empty when it counts.
         judgements: of each promise, by its name.
@@ -41,7 +41,7 @@ class Result(NamedTuple):
 
     seed: int
     duration: float
-    wall: float
+    cpu: float
     driving: float
     lacks: str
     judgements: Mapping[str, Judgement]
@@ -72,20 +72,20 @@ def run_trial(scenario: Scenario, seed: int) -> tuple[Record, Result]:
     Raises:
         IncompleteRecord: not all of it was watched.
     """
-    began = time.perf_counter()
+    began = time.process_time()
     operator = Operator(scenario)
     trace = run_fleet(scenario, seed, operator)
-    wall = time.perf_counter() - began
+    cpu = time.process_time() - began
     record = make_record(scenario, seed, trace, operator)
-    return record, result_of(record, wall)
+    return record, result_of(record, cpu)
 
 
-def result_of(record: Record, wall: float) -> Result:
+def result_of(record: Record, cpu: float) -> Result:
     """Judge a record.
 
     Args:
         record: the record.
-        wall: how long it took [s].
+        cpu: processor time that it took [s].
 
     Raises:
         IncompleteRecord: not all of the trial was watched.
@@ -94,7 +94,7 @@ def result_of(record: Record, wall: float) -> Result:
     return Result(
         seed=record.seed,
         duration=float(record.time[-1]),
-        wall=wall,
+        cpu=cpu,
         driving=driving,
         lacks=_lack(record, driving),
         judgements=judge(record),
@@ -117,7 +117,7 @@ def _separation(record: Record) -> float:
 
 def _lack(record: Record, driving: float) -> str:
     faults = record.scenario.faults
-    without = [fault.kind for fault in faults if all(effect.fault != fault for effect in record.effects)]
+    without = [f"{fault.kind} {fault.target}" for fault in faults if all(e.fault != fault for e in record.effects)]
     if driving < DRIVING_SHARE:
         return f"its robots drove for {driving:.0%} of the time"
     if without:
