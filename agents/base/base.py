@@ -49,6 +49,7 @@ class Base:
         self._unsigned = False
         self._contested = -math.inf
         self._expires = -math.inf
+        self._now = -math.inf
         self._dead = True
         self._reported: tuple[float, ...] = ()
         self._reported_at = -math.inf
@@ -60,6 +61,7 @@ class Base:
             received: the received command.
             now: the time, for its age [s].
         """
+        self._now = now
         age = received.age(now)
         if not age <= self._dead_man:  # written so that a NaN is refused too
             return  # stale: part of a backlog
@@ -87,7 +89,7 @@ class Base:
     def _turn(self, v: float, omega: float) -> None:
         self._wheels.command(v, omega)
         if self._obedience is not None:
-            self._obedience.command(v, omega)
+            self._obedience.command(v, omega, self._now)
 
     def _refuse_unsigned(self) -> None:
         """Two processes that both omit their epoch could not be distinguished, and would drive in turns."""
@@ -128,6 +130,7 @@ class Base:
             now: the time [s].
         """
         self._reading = self._wheels.read()
+        self._now = now
         if self._obedience is not None:
             self._obedience.read(self._reading.v, self._reading.omega, now)
         # Written so that an invalid time stops the wheels too.

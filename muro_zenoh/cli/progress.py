@@ -1,14 +1,18 @@
-"""The progress of a check: a bar in a terminal, nothing elsewhere."""
+"""The progress of a check: a bar in a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import time
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
     from muro_zenoh.checking.check import Report
+
+_LINE_PERIOD: Final = 30.0
+"""Time between two lines where there is no terminal [s]."""
 
 
 class CheckScreen:
@@ -28,6 +32,9 @@ class CheckScreen:
             console=console,
             disable=not console.is_terminal,
         )
+        self._console = console
+        self._trials = trials
+        self._next = 0.0
         self._task = self._progress.add_task("0 broken", total=trials)
 
     def __enter__(self) -> CheckScreen:
@@ -44,4 +51,8 @@ class CheckScreen:
             report: the report so far.
         """
         speed = f"{report.times_real_time:.0f}x real time"
-        self._progress.update(self._task, completed=report.done, description=f"{len(report.broken)} broken, {speed}")
+        broken = f"{len(report.broken)} broken, {speed}"
+        self._progress.update(self._task, completed=report.done, description=broken)
+        if not self._console.is_terminal and report.done and time.monotonic() >= self._next:
+            self._next = time.monotonic() + _LINE_PERIOD
+            self._console.print(f"{report.done} of {self._trials} trials, {broken}")

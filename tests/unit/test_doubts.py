@@ -65,7 +65,7 @@ class TestWheels:
     def driven(self, seconds: float, obedience: Obedience, command: tuple[float, float], **does: float) -> None:
         """Beats with wheels that follow the command late, or do something else."""
         v, omega = self.speeds
-        obedience.command(*command)
+        obedience.command(*command, self.time)
         for _ in range(round(seconds / self.BEAT)):
             v, omega = step_wheels(v, omega, *command, WheelLimits(), self.BEAT)
             self.time += self.BEAT
