@@ -33,6 +33,8 @@ inside
     Every robot, at every sample: its body is inside the arena. One that was disturbed, from when it has been in once.
 behaves
     Every robot: its behaviour neither fails nor ends by itself.
+survives
+    Every process: it does not end by itself with an error.
 finished
     Every trial goes on to its end.
 """
@@ -308,6 +310,20 @@ def _behaves(record: Record) -> Judgement:
     return Judgement(len(evaluated), tuple(breaches))
 
 
+def _survives(record: Record) -> Judgement:
+    breaches = tuple(
+        Breach("survives", end.time, _robots_of(end.name, record), f"the process {end.name} ends with {end.error}")
+        for end in record.ends
+        if end.error
+    )
+    return Judgement(1, breaches)
+
+
+def _robots_of(process: str, record: Record) -> tuple[str, ...]:
+    robot = process.partition("/")[0]
+    return (robot,) if robot in record.names else ()
+
+
 def _finished(record: Record) -> Judgement:
     if record.finished:
         return Judgement(1, ())
@@ -335,6 +351,7 @@ PROMISES: Final = (
     Promise("stop", f"a stopped robot stands, from {COMMAND_AGE:g} s on until it is resumed", _stop, always=False),
     Promise("inside", "nobody leaves the arena", _inside),
     Promise("behaves", "no behaviour fails or ends by itself", _behaves),
+    Promise("survives", "no process ends by itself with an error", _survives),
     Promise("finished", "every trial goes on to its end", _finished),
 )
 """Every promise, most important first."""

@@ -12,6 +12,7 @@ from muro_zenoh.checking.coverage import Activity
 from muro_zenoh.checking.operator import Ordered, Report
 from muro_zenoh.checking.promises import PROMISES, Breach, IncompleteRecord, judge
 from muro_zenoh.checking.record import PERIOD, Effect, Record
+from muro_zenoh.checking.trace import ProcessEnd
 from muro_zenoh.config.order import OrderRow
 from tests.support.records import aged, driving, fault, still
 
@@ -264,3 +265,10 @@ def test_a_behaviour_that_fails() -> None:
     failed = Report(2.0, "r1", ("behaviour mine:turn: ZeroDivisionError",), "behaviour mine:turn: ZeroDivisionError")
     (breach,) = breaches(dataclasses.replace(record, reports=(*record.reports, failed, failed)), "behaves")
     assert "ZeroDivisionError" in breach.what
+
+
+def test_a_process_that_fails() -> None:
+    ends = (ProcessEnd(3.0, "r2/agent", "ValueError('x')"), ProcessEnd(4.0, "basestation", ""))
+    (breach,) = breaches(dataclasses.replace(still(), ends=ends), "survives")
+    assert breach.robots == ("r2",)
+    assert breach.what == "the process r2/agent ends with ValueError('x')"
