@@ -43,7 +43,9 @@ class Room:
         robots = list(scenario.robot.values())
         hidden = scenario.simulation
         radii = np.array([robot.radius for robot in robots])
-        starts = random_starts(rng, len(robots), scenario.arena, radii)
+        starts = random_starts(
+            rng, len(robots), scenario.arena, radii, max(scenario.separation.margin, scenario.separation.wall_margin)
+        )
         limits = [robot.wheels for robot in robots]
         self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
         self.floor = Floor(self.plant, bus.clock, scenario.timeouts.command)
