@@ -57,6 +57,7 @@ class Separation:
         self._plan_next = self._plan_until = -math.inf
         self._patience = Patience(sorted({name, *others}).index(name))
         self._nominal = self._body = body
+        self._changed = False
         self._settings = settings
         self._certificate = Certificate(name, body, others, arena, settings, walls)
 
@@ -91,7 +92,9 @@ class Separation:
         if not fresh:
             return Separated(STILL, "brakes: no fresh positions")
         self._certificate.begin(now, state, self._body)
-        return self._guide(now, state, desired, target)
+        out = self._guide(now, state, desired, target)
+        self._changed = bool(out.reason)
+        return out
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
         body, certificate, patience = self._body, self._certificate, self._patience
@@ -99,7 +102,7 @@ class Separation:
         near = certificate.near(now, x, y, _LOOK)
         ux, uy = velocity_of(state, desired)
         speed = math.hypot(ux, uy)
-        stood = patience.look(now, state, speed > _WANTS)
+        stood = patience.look(now, state, speed > _WANTS and self._changed)
         if speed <= _WANTS:
             return self._make_room(state, desired, near)
         ux, uy = self._way(now, state, ux, uy, target, near, stood)
