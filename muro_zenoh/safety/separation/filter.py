@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, SharedSnapshot
-from muro_zenoh.safety.separation.certificate import WALL, Certificate, Wall
+from muro_zenoh.safety.separation.certificate import Certificate
 from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, rows_of, velocity_of
+from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
 from muro_zenoh.safety.separation.liveness import HORIZON, Patience, first_met, free_direction, roomiest
 from muro_zenoh.safety.separation.planner import Planner, Segment
 from muro_zenoh.safety.separation.projection import Row
@@ -58,7 +59,8 @@ class Separation:
         self._patience = Patience(sorted({name, *others}).index(name))
         self._body = body
         self._settings = settings
-        self._certificate = Certificate(name, body, others, arena, settings, walls)
+        self._known = Knowledge(name, body, others, settings, walls)
+        self._certificate: Certificate
 
     def step(
         self,
@@ -77,22 +79,22 @@ class Separation:
             snapshot: all robots; None when there is none or it is stale.
             target: where the behaviour is heading, x, y [m, world]; None when it has no such place.
         """
-        fresh = snapshot is not None and self._certificate.learn(now, snapshot)
+        blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
         if not self._settings.enabled:
             return Separated(desired, "")
         if not all(map(math.isfinite, (*state, *desired))):
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
-        if not fresh:
-            return Separated(STILL, "brakes: no fresh positions")
-        self._certificate.begin(now, state)
+        if blind:
+            return Separated(STILL, f"brakes: {blind}")
+        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings)
         return self._guide(now, state, desired, target)
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
         body, certificate, patience = self._body, self._certificate, self._patience
         x, y = state.x, state.y
-        near = certificate.near(now, x, y, _LOOK)
+        near = self._known.near(now, x, y, _LOOK)
         ux, uy = velocity_of(state, desired)
         speed = math.hypot(ux, uy)
         stood = patience.look(now, state, speed > _WANTS)
