@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, SharedSnapshot
-from muro_zenoh.safety.separation.certificate import WALL, Certificate, Wall
+from muro_zenoh.safety.separation.certificate import Certificate
 from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, rows_of, velocity_of
+from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
 from muro_zenoh.safety.separation.liveness import HORIZON, Patience, first_met, free_direction, roomiest
 from muro_zenoh.safety.separation.planner import Planner, Segment
 from muro_zenoh.safety.separation.projection import Row
@@ -57,9 +58,10 @@ class Separation:
         self._plan_next = self._plan_until = -math.inf
         self._patience = Patience(sorted({name, *others}).index(name))
         self._nominal = self._body = body
-        self._changed = False
+        self._changed = False  # the last command
         self._settings = settings
-        self._certificate = Certificate(name, body, others, arena, settings, walls)
+        self._known = Knowledge(name, body, others, settings, walls)
+        self._certificate: Certificate
 
     def step(
         self,
@@ -82,16 +84,16 @@ class Separation:
                 know of it, by which the lines between them are drawn.
         """
         self._body = body or self._nominal
-        fresh = snapshot is not None and self._certificate.learn(now, snapshot)
+        blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
         if not self._settings.enabled:
             return Separated(desired, "")
         if not all(map(math.isfinite, (*state, *desired))):
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
-        if not fresh:
-            return Separated(STILL, "brakes: no fresh positions")
-        self._certificate.begin(now, state, self._body)
+        if blind:
+            return Separated(STILL, f"brakes: {blind}")
+        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings)
         out = self._guide(now, state, desired, target)
         self._changed = bool(out.reason)
         return out
@@ -99,7 +101,7 @@ class Separation:
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
         body, certificate, patience = self._body, self._certificate, self._patience
         x, y = state.x, state.y
-        near = certificate.near(now, x, y, _LOOK)
+        near = self._known.near(now, x, y, _LOOK)
         ux, uy = velocity_of(state, desired)
         speed = math.hypot(ux, uy)
         stood = patience.look(now, state, speed > _WANTS and self._changed)
