@@ -19,6 +19,7 @@ from muro_zenoh.safety.separation.settings import SeparationSettings
 
 _LOOK = 1.6
 _WANTS = 0.01
+_SLOW = 0.2
 _NEARLY_THERE = 0.15
 
 
@@ -92,7 +93,8 @@ class Separation:
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
         if blind:
             return Separated(STILL, f"brakes: {blind}")
-        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings)
+        fastest = max(abs(desired.v), math.hypot(*velocity_of(state, desired)), _SLOW)
+        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         return self._guide(now, state, desired, target)
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
