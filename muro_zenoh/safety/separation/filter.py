@@ -62,7 +62,8 @@ class Separation:
         self._plan: list[tuple[float, float]] = []
         self._plan_next = self._plan_until = -math.inf
         self._patience = Patience(sorted({name, *others}).index(name))
-        self._body = body
+        self._nominal = self._body = body
+        self._changed = False  # the last command
         self._settings = settings
         self._known = Knowledge(name, body, others, settings, walls)
         self._certificate: Certificate
@@ -74,6 +75,7 @@ class Separation:
         desired: Twist2 | None,
         snapshot: SharedSnapshot | None,
         target: tuple[float, float] | None = None,
+        body: Body | None = None,
     ) -> Separated:
         """The twist to drive now.
 
@@ -83,7 +85,10 @@ class Separation:
             desired: what its behaviour wants; None when it holds: then the robot stands still.
             snapshot: all robots; None when there is none or it is stale.
             target: where the behaviour is heading, x, y [m, world]; None when it has no such place.
+            body: this robot's limits as its wheels are now, with their drive errors; None for those that all robots
+                know of it, by which the lines between them are drawn.
         """
+        self._body = body or self._nominal
         blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
@@ -95,7 +100,9 @@ class Separation:
             return Separated(STILL, f"brakes: {blind}")
         fastest = max(abs(desired.v), math.hypot(*velocity_of(state, desired)), _SLOW)
         self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
-        return self._guide(now, state, desired, target)
+        out = self._guide(now, state, desired, target)
+        self._changed = bool(out.reason)
+        return out
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
         body, certificate, patience = self._body, self._certificate, self._patience
@@ -104,7 +111,7 @@ class Separation:
         ux, uy = velocity_of(state, desired)
         speed = math.hypot(ux, uy)
         far = target is None or math.dist(target, (x, y)) > _NEARLY_THERE
-        stood = patience.look(now, state, speed > _WANTS and far)
+        stood = patience.look(now, state, speed > _WANTS and far and self._changed)
         if speed <= _WANTS:
             return self._make_room(state, desired, near)
         ux, uy = self._way(now, state, ux, uy, target, near, stood)
