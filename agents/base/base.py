@@ -11,8 +11,8 @@ import math
 from agents.base.obedience import Obedience
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
-from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.config import TIMEOUTS
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Received
 

@@ -134,8 +134,9 @@ def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: 
     """
     robots = list(scenario.robot.values())
     radii = np.array([robot.radius for robot in robots])
+    margin = max(scenario.separation.margin, scenario.separation.wall_margin)
     return Plant(
-        starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii),
+        starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii, margin),
         rng,
         limits=[robot.wheels for robot in robots],
         radius=radii,

@@ -168,6 +168,7 @@ BASE = Channel(
     delivery="newest",
     rate=2.0,
     pacing="and on change",
+    stale_after=1.5,
 )
 HEALTH = Channel(
     word="health",

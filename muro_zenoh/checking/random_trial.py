@@ -24,6 +24,9 @@ _CAMERA = "north"
 _STARTING = 0.6
 """Most robots drive after this time [s]."""
 
+_ROOM = 0.45
+"""Two last goals are further apart than this [m]."""
+
 _SETTLE = 1.2
 """An order is obeyed by all robots after this time [s], if nothing is wrong."""
 
@@ -53,7 +56,7 @@ def random_trial(seed: int) -> Scenario:
         "camera": {_CAMERA: {}},
         "circle": {"radius": draw.uniform(0.8, 1.1), "clockwise": draw.chance(0.5)},
         "behaviour": {"name": common["behaviour"], **common["parameters"]},
-        "goals": {name: draw.goals() for name in robots},
+        "goals": draw.goals(robots),
         "fault": [first, draw.any_fault(robots, [_CAMERA])],
         "order": sorted(orders, key=lambda row: float(row["at"])),
     }
@@ -95,8 +98,18 @@ class _Draw:
     def signed(self, low: float, high: float) -> float:
         return self.uniform(low, high) * (1.0 if self.chance(0.5) else -1.0)
 
-    def goals(self) -> list[list[float]]:
-        return [[self.uniform(-1.75, 1.75), self.uniform(-1.15, 1.15)] for _ in range(8)]
+    def goals(self, robots: list[str]) -> dict[str, list[list[float]]]:
+        """Of each robot; there is room for all of them at their last ones."""
+        goals = {name: [self._place() for _ in range(7)] for name in robots}
+        last: list[list[float]] = []
+        while len(last) < len(robots):
+            place = self._place()
+            if all(math.dist(place, other) > _ROOM for other in last):
+                last.append(place)
+        return {name: [*goals[name], place] for name, place in zip(robots, last, strict=True)}
+
+    def _place(self) -> list[float]:
+        return [self.uniform(-1.75, 1.75), self.uniform(-1.15, 1.15)]
 
     # ---- behaviours and orders
 

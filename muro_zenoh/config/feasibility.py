@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import math
+from itertools import combinations
+from typing import Final
 
 from muro_zenoh.config.behaviour import check_settings
 from muro_zenoh.config.origin import Origin
@@ -11,6 +12,9 @@ from muro_zenoh.config.reading import config_error
 from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError, ParameterError
 from muro_zenoh.planning.destination import require_inside
+
+POSE_PERIOD: Final = 0.05
+"""Time between two poses of a robot [s]."""
 
 
 def check_feasible(s: Scenario, origin: Origin) -> None:
@@ -37,6 +41,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
                 got=f"{len(camera.metres)} points",
                 expected=f"as many as pixels has: {len(camera.pixels)}",
             )
+    _check_separation(s, origin)
     fleet = [s.vehicle(name) for name in s.robot]
     check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle)
     _check_goals(s, origin)
@@ -79,9 +84,24 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
             continue  # a run may have fewer robots than the file has goals for
         for index, (x, y, *_) in enumerate(goals):
             try:
-                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.robot[name].radius)
+                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.vehicle(name).wall_distance)
             except ParameterError as error:
                 raise config_error(error, origin, "") from None
+    _check_last_goals(s, origin)
+
+
+def _check_last_goals(s: Scenario, origin: Origin) -> None:
+    """Each robot stays at its last goal: two of them must have room there."""
+    last = [(name, goals[-1]) for name, goals in s.goals.items() if goals and name in s.robot]
+    for (a, (ax, ay, *_)), (b, (bx, by, *_)) in combinations(last, 2):
+        one, other = s.vehicle(a), s.vehicle(b)
+        apart, least = math.hypot(ax - bx, ay - by), one.radius + other.radius + one.margin
+        if apart < least:
+            raise ConfigError(
+                origin.at(f"goals.{b}"),
+                got=f"a last goal {apart:.3f} m from that of {a}",
+                expected=f"at least {least:g} m between the centres of two robots",
+            )
 
 
 def _check_starts(s: Scenario, origin: Origin) -> None:
@@ -95,7 +115,7 @@ def _check_starts(s: Scenario, origin: Origin) -> None:
             require_inside(f"starts.{name}", x, y, s.arena, s.robot[name].radius)
         except ParameterError as error:
             raise config_error(error, origin, "") from None
-    for one, other in itertools.combinations(s.robot, 2):
+    for one, other in combinations(s.robot, 2):
         least = s.robot[one].radius + s.robot[other].radius
         if (apart := math.dist(s.starts[one][:2], s.starts[other][:2])) < least:
             raise ConfigError(
@@ -120,3 +140,20 @@ def _check_orders(s: Scenario, origin: Origin) -> None:
         if order.behaviour:
             fleet = [s.vehicle(name) for name in order.robots or s.robot]
             check_settings(order.behaviour, order.parameters, origin, fleet, s.circle)
+
+
+def _check_separation(s: Scenario, origin: Origin) -> None:
+    """A command is certified for the time for which the wheels may follow it."""
+    least = s.timeouts.command + POSE_PERIOD
+    if s.separation.enabled and s.separation.hold < least - 1e-9:
+        raise ConfigError(
+            origin.at("separation.hold"),
+            got=f"{s.separation.hold:g} [s]",
+            expected=f"at least {least:g}: timeouts.command, and one period of {POSE_PERIOD:g} s",
+        )
+    if s.separation.enabled and s.separation.snapshot_limit != s.timeouts.snapshot:
+        raise ConfigError(
+            origin.at("separation.snapshot_limit"),
+            got=f"{s.separation.snapshot_limit:g} [s]",
+            expected=f"timeouts.snapshot, {s.timeouts.snapshot:g}: how old the positions may be is one limit",
+        )

@@ -268,7 +268,9 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         robot = self.robot[name]
-        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena)
+        apart = self.separation
+        margins = (apart.margin, apart.wall_margin) if apart.enabled else (0.0, 0.0)
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena, *margins)
 
     def separation_of(self, name: str) -> Separation | None:
         """A robot's separation filter; None where it is off.

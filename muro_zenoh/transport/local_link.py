@@ -3,8 +3,8 @@ and network.
 
 Both connect to the router. The base also listens on an endpoint of the machine itself, and the agent also connects to
 that. A client of Zenoh has one connection, so both are peers. Measured with Zenoh 1.10: nothing arrives twice; a base
-that starts later, or again, is connected to within a second; with the router killed all commands and odometry arrive. The
-router does not forward from peer to peer: without their link the two do not hear each other, and the dead-man acts.
+that starts later, or again, is connected to within a second; with the router killed all commands and odometry arrive.
+The router does not forward from peer to peer: without their link the two do not hear each other, and the dead-man acts.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class TestAStudentsBehaviour:
     def test_that_may_drive(self) -> None:
         Path("turning.py").write_text("def turn(robot):\n    return 0.1, 0.5\n")
         output = check("turning.py", "--quick", "--trials", "2", "--duration", "3", "--jobs", "2", code=0)
-        assert output.startswith("may drive (2 trials of 3 s, no promise broken")
+        assert "may drive (2 trials of 3 s, no promise broken" in output
 
     def test_that_fails(self) -> None:
         Path("failing.py").write_text("def divide(robot):\n    return 1.0 / (robot.now - robot.now), 0.0\n")
@@ -137,6 +137,7 @@ def test_ctrl_c_ends_with_what_was_done_so_far(tmp_path: Path) -> None:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # in the background shells ignore it
     )
     assert process.stderr is not None
     assert "1 of 10000 trials" in process.stderr.readline()

@@ -281,16 +281,16 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
-        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.823 m, so that robots of 0.177 m radius",
+        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.803 m, so that robots stay inside the arena, 0.197 m",
     ),
     "a circle whose centre is outside": (
         {"arena": SMALL, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.5, "x": 4.0}},
         "lab.toml: circle.radius: got 0.5 m around (4, 0), expected at most 0 m",
     ),
     "too many robots for the circle": (
-        {"robots": 15, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
-        "lab.toml: circle.radius: got 15 robots on a circle of 0.8 m, 0.333 m apart, expected at least 0.354 m between "
-        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.86 m.",
+        {"robots": 13, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
+        "lab.toml: circle.radius: got 13 robots on a circle of 0.8 m, 0.383 m apart, expected at least 0.4 m between "
+        "their centres. At most 12 robots fit on it; 13 robots need a radius of 0.84 m.",
     ),
     "pixels without metres": (
         {"camera": {"north": {"pixels": PIXELS}}},
@@ -308,8 +308,16 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
-        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.923 to 1.923, "
-        "y -1.323 to 1.323 m, 0.177 m inside the border",
+        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.903 to 1.903, "
+        "y -1.303 to 1.303 m, 0.197 m inside the border",
+    ),
+    "two last goals that two robots cannot both stand at": (
+        {"robots": 3, "goals": {"r1": [[0.0, 0.0], [1.0, 0.0]], "r2": [[1.0, 0.0], [0.0, 1.0]], "r3": [[0.7, 0.2]]}},
+        "lab.toml: goals.r3: got a last goal 0.361 m from that of r1, expected at least 0.4 m between the centres",
+    ),
+    "a certificate for less time than the wheels may follow a command": (
+        {"robots": 1, "timeouts": {"command": 0.5}},
+        "lab.toml: separation.hold: got 0.35 [s], expected at least 0.55: timeouts.command, and one period of 0.05 s",
     ),
 }
 
@@ -334,10 +342,22 @@ def test_the_limits_of_age_have_one_default() -> None:
 
 
 def test_as_many_robots_as_the_error_allows_do_fit() -> None:
-    table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}}
-    assert len(parse(table, robots=14).robot) == 14
-    with pytest.raises(ConfigError, match="At most 14"):
+    for name in ("pursuit", "circle"):
+        table = {"behaviour": {"name": name}, "circle": {"radius": 0.8}}
+        assert len(parse(table, robots=12).robot) == 12
+        with pytest.raises(ConfigError, match="At most 12"):
+            parse(table, robots=13)
+
+
+def test_where_the_filter_is_off_only_the_bodies_need_room() -> None:
+    table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}, "separation": {"enabled": False}}
+    assert len(parse({**table, "timeouts": {"command": 0.5}}, robots=14).robot) == 14
+    with pytest.raises(ConfigError, match="at least 0.354 m between their centres. At most 14"):
         parse(table, robots=15)
+    goals = {"r1": [[0.0, 0.0]], "r2": [[0.36, 0.0]]}
+    assert parse({**table, "goals": goals}, robots=2).goals
+    with pytest.raises(ConfigError, match=r"goals\.r2"):
+        parse({"goals": goals}, robots=2)
 
 
 @pytest.mark.parametrize(
