@@ -38,7 +38,7 @@ class Room:
 
     def __init__(self, bus: Bus, scenario: Scenario, seed: int, executor: Executor) -> None:
         self.plant = make_plant(scenario, np.random.default_rng(seed))
-        self.floor = Floor(self.plant, bus.clock)
+        self.floor = Floor(self.plant, bus.clock, scenario.timeouts.command)
         self.cameras = {
             name: SimulatedCamera(
                 bus.publisher(channels.CAMERA, name), camera, scenario, self.floor, seed + index, executor
@@ -46,6 +46,7 @@ class Room:
             for index, (name, camera) in enumerate(scenario.camera.items())
         }
         self._bus = bus
+        self._dead_man = scenario.timeouts.command
         self._wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
@@ -54,7 +55,7 @@ class Room:
     async def run(self) -> None:
         """Run bases, plant and cameras."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(run_bases(self._bus, self._wheels, self._bus.clock), name="bases")
+            tasks.create_task(run_bases(self._bus, self._wheels, self._bus.clock, self._dead_man), name="bases")
             tasks.create_task(self._publish_truth(), name="truth")
             for name, camera in self.cameras.items():
                 tasks.create_task(camera.run(), name=f"camera {name}")

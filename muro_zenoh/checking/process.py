@@ -6,15 +6,13 @@ import asyncio
 import contextvars
 import random
 from collections.abc import Callable, Coroutine, Iterable
-from typing import Any, Literal
+from typing import Any
 
 from muro_zenoh.channels import Role
 from muro_zenoh.runtime.virtual_time import VirtualClock, VirtualLoop, VirtualProcess
 from muro_zenoh.transport import Bus, MemoryNetwork, draw_epoch, make_bus
 from muro_zenoh.transport.memory_faults import Trouble
 from muro_zenoh.transport.memory_link import MemoryLink, Witness
-
-Change = Literal["killed", "frozen", "thawed"]
 
 Main = Callable[[Bus], Coroutine[Any, Any, None]]
 """Puts a process together on its bus, and returns what it runs."""
@@ -39,7 +37,7 @@ class Process:
         bus: its bus, from the first start on.
         held_down: by how many faults; nothing starts it meanwhile.
         ended: called with an exception that ended it, or None, when it has ended by itself.
-        changed: called when it is killed, frozen or thawed, before anything of it runs again.
+        killed: called when it is killed, before anything of it runs again.
     """
 
     bus: Bus
@@ -59,7 +57,7 @@ class Process:
         self.clock = VirtualClock()
         self.task: asyncio.Task[None] | None = None
         self.ended: Callable[[BaseException | None], None] | None = None
-        self.changed: Callable[[Change], None] = lambda change: None
+        self.killed: Callable[[], None] = lambda: None
         self._network = network
         self._main = main
         self._roles = tuple(roles)
@@ -149,7 +147,7 @@ class Process:
         """End it as by SIGKILL: what its tasks still do when they are cancelled reaches nobody."""
         if self.running and self._link is not None:
             self._link.leave()
-            self.changed("killed")
+            self.killed()
         self.end()
         if self._tasks is not None and self._tasks.frozen:
             self._tasks.thaw()
@@ -159,13 +157,11 @@ class Process:
         if self.running and self._tasks is not None and self._link is not None:
             self._tasks.freeze()
             self._link.freeze()
-            self.changed("frozen")
 
     def thaw(self) -> None:
         """Let it go on, as by SIGCONT."""
         if not self.frozen or self._tasks is None or self._link is None:
             return
-        self.changed("thawed")
         self._tasks.thaw()
         # The threads that take messages wake together with the loop: either may be first.
         link = self._link

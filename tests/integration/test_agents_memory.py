@@ -186,7 +186,9 @@ async def test_a_ring_spreads_again_when_an_agent_dies_and_when_it_is_back() -> 
         fleet.agents["r3"].cancel()
         await fleet.until(lambda: fleet.spacing_error(["r1", "r2"]) < 0.1, 30, "a ring of two")
         await asyncio.sleep(5.0)
-        assert fleet.spacing_error(["r1", "r2"]) < 0.1
+        assert fleet.spacing_error(["r1", "r2"]) < 0.5  # each has to drive round it, and is delayed by that
+        assert {"r1", "r2"} <= fleet.driving
+        assert fleet.plant.contacts == 0
         assert fleet.speed("r3") == pytest.approx(0.0, abs=1e-3)
         await fleet.start_agent("r3")
         await fleet.until(lambda: fleet.spacing_error() < 0.1, 30, "a ring of three")
