@@ -222,7 +222,7 @@ def _crash(fleet: VirtualFleet, fault: f.CrashFault, effect: Effect, rng: random
     def start() -> None:
         for process in processes:
             process.held_down -= 1
-            process.start_after_end()
+            process.start_again()
 
     return start
 

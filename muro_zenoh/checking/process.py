@@ -95,6 +95,17 @@ class Process:
         self.task.add_done_callback(self._note_end)
         return self.task
 
+    def start_again(self) -> None:
+        """Start it anew, as a supervisor does: unless it is there, or a fault holds it down; one that does not come up
+        has ended."""
+        if self.running or self.held_down:
+            return
+        try:
+            self.start()
+        except Exception as error:
+            if self.ended is not None:
+                self.ended(error)
+
     def start_after_end(self, pause: float = 0.0) -> None:
         """Start it anew when it has ended.
 
@@ -102,17 +113,8 @@ class Process:
             pause: how long after that [s].
         """
 
-        def start() -> None:
-            if self.running or self.held_down:
-                return
-            try:
-                self.start()
-            except Exception as error:
-                if self.ended is not None:
-                    self.ended(error)
-
         def wait(task: asyncio.Task[None] | None = None) -> None:
-            asyncio.get_running_loop().call_later(pause, start, context=contextvars.Context())
+            asyncio.get_running_loop().call_later(pause, self.start_again, context=contextvars.Context())
 
         if self.task is not None and not self.task.done():
             self.task.add_done_callback(wait, context=contextvars.Context())
