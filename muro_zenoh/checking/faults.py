@@ -60,6 +60,9 @@ class Effect:
         return f"{self.fault.kind} of {self.fault.target} at {self.fault.at:g} s: {self.amount:.3g} {self.what}"
 
 
+_ROUTER_BACK = 1.0
+"""Time after which all have found a router again that was started anew at once [s]."""
+
 Begin = Callable[[VirtualFleet, Any, Effect, random.Random], End]
 
 
@@ -219,14 +222,14 @@ def _crash(fleet: VirtualFleet, fault: f.CrashFault, effect: Effect, rng: random
     def start() -> None:
         for process in processes:
             process.held_down -= 1
-            process.start_after_end()
+            process.start_again()
 
     return start
 
 
 def _restart(fleet: VirtualFleet, fault: f.RestartFault, effect: Effect, rng: random.Random) -> End:
     if fault.place is Place.ROUTER:
-        return _crash_router(fleet, effect)
+        return _restart_router(fleet, fault, effect)
     effect.what = "processes started anew"
     processes = _processes(fleet, fault)
     for process in processes:
@@ -243,6 +246,18 @@ def _restart(fleet: VirtualFleet, fault: f.RestartFault, effect: Effect, rng: ra
         return start
     start()
     return lambda: None
+
+
+def _restart_router(fleet: VirtualFleet, fault: f.RestartFault, effect: Effect) -> End:
+    ends = [_crash_router(fleet, effect)]
+
+    def end() -> None:
+        while ends:
+            ends.pop()()
+
+    if math.isinf(fault.end):
+        asyncio.get_running_loop().call_later(_ROUTER_BACK, end, context=contextvars.Context())
+    return end
 
 
 def _freeze(fleet: VirtualFleet, fault: f.FreezeFault, effect: Effect, rng: random.Random) -> End:

@@ -19,7 +19,7 @@ from agents.base.simulated import make_plant
 from basestation.station import Station
 from muro_zenoh.channels import ALL_ROLES, Role
 from muro_zenoh.checking.camera import SightingCamera, SightingsOnBus, View
-from muro_zenoh.checking.process import Change, Process
+from muro_zenoh.checking.process import Process
 from muro_zenoh.checking.witness import Witnesses
 from muro_zenoh.checking.world import GuardedWheels, World
 from muro_zenoh.config import CameraSettings, Scenario
@@ -74,7 +74,8 @@ class VirtualFleet:
         self._seed = seed
         self._restart = restart
         self._epochs = random.Random(seed)
-        self.world = World(make_plant(scenario, self.generator("plant"), count_contacts=False), self.clock)
+        plant = make_plant(scenario, self.generator("plant"), count_contacts=False)
+        self.world = World(plant, self.clock, scenario.timeouts.command)
         self.begun = asyncio.get_running_loop().time()
         self._buses: list[Bus] = []
         self.operator = self.open_bus()
@@ -185,18 +186,11 @@ class VirtualFleet:
         def put(bus: Bus) -> Coroutine[Any, Any, None]:
             wheels = {name: GuardedWheels(self.world, row) for name, row in zip(names, rows, strict=True)}
 
-            def change(what: Change) -> None:
-                for row, guarded in zip(rows, wheels.values(), strict=True):
-                    if what == "thawed":
-                        self.world.attend(row)
-                        continue
-                    self.world.abandon(row)
-                    if what == "killed":
-                        guarded.cut()
+            def cut() -> None:
+                for guarded in wheels.values():
+                    guarded.cut()
 
-            process.changed = change
-            for row in rows:
-                self.world.attend(row)
+            process.killed = cut
             for name in names:
                 bus.announce(Role.BASE, name)
             limits = {name: self.scenario.robot[name].wheels for name in names}

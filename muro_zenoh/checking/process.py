@@ -6,15 +6,13 @@ import asyncio
 import contextvars
 import random
 from collections.abc import Callable, Coroutine, Iterable
-from typing import Any, Literal
+from typing import Any
 
 from muro_zenoh.channels import Role
 from muro_zenoh.runtime.virtual_time import VirtualClock, VirtualLoop, VirtualProcess
 from muro_zenoh.transport import Bus, MemoryNetwork, draw_epoch, make_bus
 from muro_zenoh.transport.memory_faults import Trouble
 from muro_zenoh.transport.memory_link import MemoryLink, Witness
-
-Change = Literal["killed", "frozen", "thawed"]
 
 Main = Callable[[Bus], Coroutine[Any, Any, None]]
 """Puts a process together on its bus, and returns what it runs."""
@@ -39,7 +37,7 @@ class Process:
         bus: its bus, from the first start on.
         held_down: by how many faults; nothing starts it meanwhile.
         ended: called with an exception that ended it, or None, when it has ended by itself.
-        changed: called when it is killed, frozen or thawed, before anything of it runs again.
+        killed: called when it is killed, before anything of it runs again.
     """
 
     bus: Bus
@@ -59,7 +57,7 @@ class Process:
         self.clock = VirtualClock()
         self.task: asyncio.Task[None] | None = None
         self.ended: Callable[[BaseException | None], None] | None = None
-        self.changed: Callable[[Change], None] = lambda change: None
+        self.killed: Callable[[], None] = lambda: None
         self._network = network
         self._main = main
         self._roles = tuple(roles)
@@ -97,6 +95,17 @@ class Process:
         self.task.add_done_callback(self._note_end)
         return self.task
 
+    def start_again(self) -> None:
+        """Start it anew, as a supervisor does: unless it is there, or a fault holds it down; one that does not come up
+        has ended."""
+        if self.running or self.held_down:
+            return
+        try:
+            self.start()
+        except Exception as error:
+            if self.ended is not None:
+                self.ended(error)
+
     def start_after_end(self, pause: float = 0.0) -> None:
         """Start it anew when it has ended.
 
@@ -104,17 +113,8 @@ class Process:
             pause: how long after that [s].
         """
 
-        def start() -> None:
-            if self.running or self.held_down:
-                return
-            try:
-                self.start()
-            except Exception as error:
-                if self.ended is not None:
-                    self.ended(error)
-
         def wait(task: asyncio.Task[None] | None = None) -> None:
-            asyncio.get_running_loop().call_later(pause, start, context=contextvars.Context())
+            asyncio.get_running_loop().call_later(pause, self.start_again, context=contextvars.Context())
 
         if self.task is not None and not self.task.done():
             self.task.add_done_callback(wait, context=contextvars.Context())
@@ -149,7 +149,7 @@ class Process:
         """End it as by SIGKILL: what its tasks still do when they are cancelled reaches nobody."""
         if self.running and self._link is not None:
             self._link.leave()
-            self.changed("killed")
+            self.killed()
         self.end()
         if self._tasks is not None and self._tasks.frozen:
             self._tasks.thaw()
@@ -159,13 +159,11 @@ class Process:
         if self.running and self._tasks is not None and self._link is not None:
             self._tasks.freeze()
             self._link.freeze()
-            self.changed("frozen")
 
     def thaw(self) -> None:
         """Let it go on, as by SIGCONT."""
         if not self.frozen or self._tasks is None or self._link is None:
             return
-        self.changed("thawed")
         self._tasks.thaw()
         # The threads that take messages wake together with the loop: either may be first.
         link = self._link

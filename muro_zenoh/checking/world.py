@@ -15,9 +15,6 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
 
-FIRMWARE_TIMEOUT: Final = 0.6
-"""The wheels' own electronics stop them when the base's process has said nothing for this time [s], as a Kobuki's."""
-
 _PERIOD: Final = 0.02
 
 _COLUMNS: Final = 7
@@ -51,6 +48,7 @@ class World(Floor):
     Args:
         plant: the robots.
         clock: the true one.
+        watchdog: of the wheels [s].
 
     Attributes:
         jammed: how many faults jam the wheels, by row.
@@ -58,14 +56,13 @@ class World(Floor):
         driven: the rows whose wheels somebody else drives: v [m/s], omega [rad/s]; the last one counts.
     """
 
-    def __init__(self, plant: Plant, clock: Clock) -> None:
-        super().__init__(plant, clock)
+    def __init__(self, plant: Plant, clock: Clock, watchdog: float) -> None:
+        super().__init__(plant, clock, watchdog)
         self.jammed: Counter[int] = Counter()
         self.jammed_for: defaultdict[int, float] = defaultdict(float)
         self.driven: list[tuple[int, tuple[float, float]]] = []
         self._begun = clock.now()
         self._hands: dict[int, Hand] = {}
-        self._abandoned: dict[int, float] = {}  # since when no process speaks to the wheels of a row [s]
         self._records: list[Array] = []
         self._block: Array = np.empty((0, len(plant), _COLUMNS))
         self._filled = 0
@@ -109,35 +106,10 @@ class World(Floor):
         x, y, _ = self.plant.pose[row].tolist()
         return math.hypot(x - hand.start[0], y - hand.start[1])
 
-    def abandon(self, row: int) -> None:
-        """The process that speaks to the wheels of a row does so no more.
-
-        Args:
-            row: which.
-        """
-        self.catch_up()
-        self._abandoned[row] = self.elapsed
-
-    def attend(self, row: int) -> None:
-        """A process speaks to the wheels of a row.
-
-        Args:
-            row: which.
-        """
-        self.catch_up()
-        if self.elapsed - self._abandoned.pop(row, math.inf) > FIRMWARE_TIMEOUT:
-            self.commands[row] = 0.0
-
     def _step(self) -> None:
-        commanded = self.commands
-        if self._abandoned:
-            commanded = commanded.copy()
-            for row, since in self._abandoned.items():
-                if self.elapsed - since > FIRMWARE_TIMEOUT:
-                    commanded[row] = 0.0
-        effective = commanded
+        effective = self.commands
         if self.driven or self.jammed:
-            effective = commanded.copy()
+            effective = effective.copy()
             for row, twist in self.driven:
                 effective[row] = twist
             for row in +self.jammed:
@@ -147,7 +119,7 @@ class World(Floor):
         self.plant.step(effective, STEP)
         for row, hand in self._hands.items():
             self.plant.place(row, *hand.at(self.elapsed + STEP))
-        self._record(commanded)
+        self._record()
 
     async def run(self) -> None:
         """Advance the floor until cancelled, whatever becomes of the bases and the cameras."""
@@ -160,7 +132,7 @@ class World(Floor):
 
     # ---- the record
 
-    def _record(self, commanded: Array) -> None:
+    def _record(self) -> None:
         if self._filled == len(self._block):
             self._block = np.empty((1024, len(self.plant), _COLUMNS))
             self._records.append(self._block)
@@ -168,7 +140,7 @@ class World(Floor):
         row = self._block[self._filled]
         row[:, 0:3] = self.plant.pose
         row[:, 3:5] = self.plant.twist
-        row[:, 5:7] = commanded
+        row[:, 5:7] = self.commands
         for robot, hand in self._hands.items():
             row[robot, 3:5] = hand.twist
         self._filled += 1

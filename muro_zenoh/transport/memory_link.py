@@ -12,7 +12,7 @@ import contextlib
 import contextvars
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Final, TypeVar
 
 from muro_zenoh.channels import Priority
@@ -29,6 +29,7 @@ Witness = Callable[[str, float], None]
 """Called with the key of a sample, and with when it was sent [s, loop], as it reaches a reader."""
 
 
+@lru_cache(maxsize=8192)
 def matches(expression: str, key: str) -> bool:
     """Whether a key is in a key expression: ``*`` stands for one chunk, ``**`` for any number of them."""
     return _match(expression.split("/"), key.split("/"))
