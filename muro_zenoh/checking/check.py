@@ -53,6 +53,7 @@ class Plan(NamedTuple):
         jobs: number of processes.
         covers: whether the trials are to meet every cell of the coverage table.
         all_count: whether every trial counts, however little its robots drive.
+        first: whether it ends with the first trial that breaks a promise.
     """
 
     trial: Callable[[int], Scenario]
@@ -61,6 +62,7 @@ class Plan(NamedTuple):
     jobs: int
     covers: bool = True
     all_count: bool = False
+    first: bool = False
 
 
 class Report:
@@ -214,6 +216,8 @@ def _run_all(report: Report, workers: Workers[Task, Result], screen: Screen) -> 
                 report.failures[task.seed] = failure
             elif result.counts or plan.all_count:
                 report.results[task.seed] = result
+                if plan.first and result.breaches:
+                    return
                 if task.seed % AGAIN == plan.seed % AGAIN:
                     to_repeat.append(result)
             else:

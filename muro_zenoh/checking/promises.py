@@ -21,8 +21,8 @@ blind (C)
     is older than 0.45 s, or 0.6 s where the camera's age counts. The *last good information* is, of three, the one that
     is too old first: when the youngest command that its base has received from its own agent was sent (0.45 s); when
     the picture behind the youngest fix that its agent has received was taken (0.6 s); when the youngest snapshot of the
-    fleet that its agent has received was sent (0.6 s). Times are true times, whatever the stamps say: a message that
-    was long under way is old when it arrives.
+    fleet that its agent has received was sent (0.6 s; with the separation filter off it needs none). Times are true
+    times, whatever the stamps say: a message that was long under way is old when it arrives.
 braking (C)
     Every stop of an undisturbed robot that was commanded zero until it stood: from then on it travelled no further than
     its braking distance, at the speed that it had.
@@ -210,8 +210,9 @@ def _blind(record: Record) -> Judgement:
     late = {
         "the last command of its agent": now - record.good_command - COMMAND_AGE,
         "the last picture of it": now - record.good_pose - CAMERA_AGE,
-        "the last snapshot of the fleet": now - record.good_snapshot - CAMERA_AGE,
     }
+    if record.scenario.separation.enabled:
+        late["the last snapshot of the fleet"] = now - record.good_snapshot - CAMERA_AGE
     judged = ~_driven_by_others(record)
     for what, excess in late.items():
         blind = driving & judged & (excess > _SLACK)

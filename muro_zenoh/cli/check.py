@@ -53,6 +53,7 @@ _NEWEST = -1
     metavar="[SEED]",
     help="Run the trial of one seed again, and tell what happened.",
 )
+@click.option("--first", is_flag=True, help="End with the first trial that breaks a promise.")
 @click.option("--shrink", is_flag=True, help="Find the fewest faults and robots that still break the promise.")
 @click.option("--robots", type=click.IntRange(min=1), metavar="N", help="Number of robots.  [default: the scenario's]")
 @click.option(
@@ -80,6 +81,7 @@ def check(
     seed: int,
     quick: bool,
     replay: int | None,
+    first: bool,
     shrink: bool,
     robots: int | None,
     duration: float | None,
@@ -113,7 +115,7 @@ def check(
     from muro_zenoh.checking.summary import write_json
 
     random = trial.scenario is None
-    plan = Plan(trial, trials, seed, jobs or os.cpu_count() or 1, covers=random, all_count=not random)
+    plan = Plan(trial, trials, seed, jobs or os.cpu_count() or 1, covers=random, all_count=not random, first=first)
     with _screen(trials) as screen:
         report = run_check(plan, screen)
     if json_file is not None:
@@ -122,7 +124,7 @@ def check(
     if report.broken:
         worst = report.broken[0]
         _replay(what, trial(worst.seed), worst.seed, out, shrink, again, brief=True)
-    raise SystemExit(0 if report.passed else 130 if report.interrupted and not report.broken else 1)
+    raise SystemExit(1 if report.broken else 130 if report.interrupted else 0 if report.passed else 1)
 
 
 def _options(quick: bool, robots: int | None, duration: float | None, settings: tuple[str, ...]) -> list[str]:
