@@ -22,8 +22,8 @@ RANDOM: Final = "random"
 FAULTS: Final = 2
 """Random faults in each trial of a scenario without faults, orders and starts of its own."""
 
-QUICK_ROBOTS: Final = 4
-QUICK_DURATION: Final = 12.0
+QUICK_ROBOTS: Final = 3
+QUICK_DURATION: Final = 10.0
 """Robots, and virtual seconds, of a trial of a quick check: so that a hundred take 20 s on two cores."""
 
 _OWN_ROBOTS: Final = 5

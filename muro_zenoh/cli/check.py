@@ -60,7 +60,7 @@ _NEWEST = -1
     "--duration",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="Virtual duration of a trial [s].  [default: 32, or 12 with --quick]",
+    help="Virtual duration of a trial [s].  [default: 32, or 10 with --quick]",
 )
 @click.option(
     "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Override a setting of the scenario; repeatable."
