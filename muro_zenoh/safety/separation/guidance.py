@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from muro_zenoh.geometry import State, Twist2
+from muro_zenoh.geometry import Bounds, State, Twist2
 from muro_zenoh.safety.separation.projection import Row, nearest_velocity
 
 AHEAD: Final = 0.15
@@ -73,6 +73,23 @@ def rows_of(x: float, y: float, near: Sequence[Near]) -> list[Row]:
         leaving = max(0.0, nx * other.vx + ny * other.vy)
         rows.append(Row(nx, ny, approach_speed(away - other.keep) + leaving))
     return rows
+
+
+def wall_rows(x: float, y: float, inside: Bounds) -> list[Row]:
+    """What the walls around the arena allow.
+
+    Args:
+        x: the robot's position [m, world].
+        y: the same.
+        inside: where its centre may be.
+    """
+    free = (
+        (1.0, 0.0, inside.x_max - x),
+        (-1.0, 0.0, x - inside.x_min),
+        (0.0, 1.0, inside.y_max - y),
+        (0.0, -1.0, y - inside.y_min),
+    )
+    return [Row(nx, ny, approach_speed(away)) for nx, ny, away in free]
 
 
 def velocity_of(state: State, twist: Twist2) -> tuple[float, float]:
