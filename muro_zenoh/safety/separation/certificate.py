@@ -115,9 +115,10 @@ class Certificate:
             else:
                 obstacles.append(self._obstacle(row, body or self._largest))
         self._obstacles = tuple(obstacles)
+        keep = self._body.radius + self._settings.margin
         self._rows = [
-            (row, self._body.radius + (self._others.get(row.name) or self._largest).radius + self._settings.margin, row.state == "tracking")
-            for row in rows.values()
+            (row, keep + (self._others.get(name) or self._largest).radius, row.state == "tracking")
+            for name, row in rows.items()
         ]
         known.append(_Known(sent, snapshot.stamp, snapshot.epoch, tuple(lines)))
         return True
@@ -153,7 +154,7 @@ class Certificate:
             px, py = row.x + vx * old, row.y + vy * old
             away = math.hypot(px - x, py - y)
             if away < within:
-                found.append((away - keep, Near(px, py, vx, vy, keep, row.name)))
+                found.append((away - keep, Near(px, py, vx, vy, keep, row.name, row.theta, row.omega)))
         for wall in self._walls:
             px, py = nearest_on(wall.x, wall.y, wall.dx, wall.dy, x, y)
             away = math.hypot(px - x, py - y)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, SharedSnapshot
-from muro_zenoh.safety.separation.certificate import Certificate, Wall
-from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, rows_of, time_to, velocity_of
+from muro_zenoh.safety.separation.certificate import WALL, Certificate, Wall
+from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, rows_of, velocity_of
+from muro_zenoh.safety.separation.liveness import HORIZON, Patience, first_met, free_direction, roomiest
+from muro_zenoh.safety.separation.planner import Planner, Segment
 from muro_zenoh.safety.separation.projection import Row
 from muro_zenoh.safety.separation.settings import SeparationSettings
 
 _LOOK = 1.6
-_HORIZON = float(os.environ.get('HOR','2.0'))
+_WANTS = 0.01
 
 
 class Separated(NamedTuple):
@@ -49,6 +50,12 @@ class Separation:
     ) -> None:
         self._name = name
         self._arena = arena
+        self._inside = arena.shrunk(body.radius + settings.wall_margin)
+        keep = body.radius + settings.wall_margin
+        self._planner = Planner(self._inside, [Segment(x, y, p - x, q - y, keep) for x, y, p, q in walls])
+        self._plan: list[tuple[float, float]] = []
+        self._plan_next = self._plan_until = -math.inf
+        self._patience = Patience(sorted({name, *others}).index(name))
         self._body = body
         self._settings = settings
         self._certificate = Certificate(name, body, others, arena, settings, walls)
@@ -83,56 +90,109 @@ class Separation:
         return self._guide(now, state, desired, target)
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
-        body, certificate = self._body, self._certificate
-        near = certificate.near(now, state.x, state.y, _LOOK)
+        body, certificate, patience = self._body, self._certificate, self._patience
+        x, y = state.x, state.y
+        near = certificate.near(now, x, y, _LOOK)
         ux, uy = velocity_of(state, desired)
-        rows = rows_of(state.x, state.y, near)
-        blocked = self._blocked(state, ux, uy, near)
-        if blocked is None and all(row.nx * ux + row.ny * uy <= row.bound for row in rows) and not certificate.blocker(desired):
-            return Separated(desired, "")
-        reason = f"keeps clear of {blocked or certificate.blocker(desired) or (near[0].name if near else 'the wall')}"
         speed = math.hypot(ux, uy)
-        if blocked is not None:
-            ux, uy = self._turned(state, ux, uy, near)
+        stood = patience.look(now, state, speed > _WANTS)
+        if speed <= _WANTS:
+            return self._make_room(state, desired, near)
+        ux, uy = self._way(now, state, ux, uy, target, near, stood)
+        rows = rows_of(x, y, near)
+        when, who = first_met(x, y, ux, uy, near)
+        as_wanted = (ux, uy) == velocity_of(state, desired) and not patience.retreating
+        if (
+            as_wanted
+            and when >= HORIZON
+            and all(row.nx * ux + row.ny * uy <= row.bound for row in rows)
+            and not certificate.blocker(desired)
+        ):
+            return Separated(desired, "")
+        blocker = who.name if who else certificate.blocker(desired) or (near[0].name if near else WALL)
+        reason = f"keeps clear of {blocker}"
+        if patience.retreating:
+            ux, uy = roomiest(state, near, self._inside, 0.2)
+        elif when < HORIZON:
+            ux, uy = free_direction(x, y, ux, uy, near, self._inside, patience.side)
         rows += self._wall_rows(state)
         wanted = guided(state, rows, ux, uy, max(speed, 0.1), body.omega_max)
+        return Separated(self._certified(wanted, now, stood), reason)
+
+    def _certified(self, wanted: Twist2, now: float, stood: float) -> Twist2:
+        """The wanted twist, or one like it that passes."""
+        body, certificate = self._body, self._certificate
         if not certificate.blocker(wanted):
-            return Separated(wanted, reason)
+            return self._fidget(wanted, now, stood)
         for share in (0.7, 0.4, 0.0):
             for omega in (wanted.omega, 0.0, body.omega_max, -body.omega_max):
                 command = Twist2(wanted.v * share, omega)
                 if not certificate.blocker(command):
-                    return Separated(command, reason)
-        return Separated(STILL, reason)
+                    return self._fidget(command, now, stood)
+        return STILL
+
+    def _fidget(self, command: Twist2, now: float, stood: float) -> Twist2:
+        if stood < 1.0 or abs(command.v) > 0.02 or abs(command.omega) > 0.3:
+            return command
+        return Twist2(0.0, 0.4 if math.fmod(now, 2.0) < 1.0 else -0.4)
+
+    def _make_room(self, state: State, desired: Twist2, near: list[Near]) -> Separated:
+        """Parked: out of the way of who waits or comes."""
+        for other in near:
+            dx, dy = state.x - other.x, state.y - other.y
+            away = math.hypot(dx, dy)
+            busy = math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.15
+            if not busy or away > other.keep + 0.25:
+                continue
+            if dx * math.cos(other.theta) + dy * math.sin(other.theta) < 0.25 * away:
+                continue
+            ux, uy = roomiest(state, near, self._inside, 0.15, other)
+            if (ux, uy) == (0.0, 0.0):
+                continue
+            rows = rows_of(state.x, state.y, near) + self._wall_rows(state)
+            wanted = guided(state, rows, ux, uy, 0.2, self._body.omega_max)
+            return Separated(self._certified(wanted, 0.0, 0.0), f"makes room for {other.name}")
+        if self._certificate.blocker(desired):
+            return Separated(STILL, "")
+        return Separated(desired, "")
+
+    def _way(
+        self,
+        now: float,
+        state: State,
+        ux: float,
+        uy: float,
+        target: tuple[float, float] | None,
+        near: list[Near],
+        stood: float,
+    ) -> tuple[float, float]:
+        """The desired velocity, or the one along a planned way round."""
+        if target is None:
+            return ux, uy
+        here = state.x, state.y
+        if self._planner.sees(here, target) and stood < 1.0 and now >= self._plan_until:
+            return ux, uy
+        if now >= self._plan_next:
+            slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < 0.05]
+            self._plan = self._planner.way(here, target, slow)
+            self._plan_next = now + 1.0
+            if stood >= 1.0:
+                self._plan_until = now + 3.0
+        reachable = (p for p in reversed(self._plan) if math.dist(p, here) <= 0.5 and self._planner.sees(here, p))
+        ahead = next(reachable, None)
+        if ahead is None or math.dist(ahead, here) < 0.05:
+            return ux, uy
+        speed, away = math.hypot(ux, uy), math.dist(ahead, here)
+        return speed * (ahead[0] - state.x) / away, speed * (ahead[1] - state.y) / away
 
     def _wall_rows(self, state: State) -> list[Row]:
         keep = self._body.radius + self._settings.wall_margin
         arena = self._arena
         x, y = state.x, state.y
-        free = ((1.0, 0.0, arena.x_max - x), (-1.0, 0.0, x - arena.x_min), (0.0, 1.0, arena.y_max - y), (0.0, -1.0, y - arena.y_min))
+        free = (
+            (1.0, 0.0, arena.x_max - x),
+            (-1.0, 0.0, x - arena.x_min),
+            (0.0, 1.0, arena.y_max - y),
+            (0.0, -1.0, y - arena.y_min),
+        )
         return [Row(nx, ny, approach_speed(away - keep)) for nx, ny, away in free]
-
-    def _blocked(self, state: State, ux: float, uy: float, near: list[Near]) -> str | None:
-        for other in near:
-            if time_to(state.x, state.y, ux, uy, other, other.keep) < _HORIZON:
-                return other.name
-        return None
-
-    def _turned(self, state: State, ux: float, uy: float, near: list[Near]) -> tuple[float, float]:
-        """The preferred velocity turned clockwise by the smallest angle that is free; else the longest free."""
-        best, found = -1.0, (ux, uy)
-        for k in range(9):
-            angle = -k * math.pi / 12.0
-            c, s = math.cos(angle), math.sin(angle)
-            vx, vy = c * ux - s * uy, s * ux + c * uy
-            free = min((time_to(state.x, state.y, vx, vy, other, other.keep) for other in near), default=math.inf)
-            if self._leaves(state, vx, vy):
-                free = min(free, 0.5)
-            if free >= _HORIZON:
-                return vx, vy
-            if free > best:
-                best, found = free, (vx, vy)
-        return found
-
-    def _leaves(self, state: State, vx: float, vy: float) -> bool:
-        return not self._arena.shrunk(self._body.radius + self._settings.wall_margin).holds(state.x + vx * 1.0, state.y + vy * 1.0)

@@ -22,7 +22,7 @@ DECELERATION: Final = 0.5
 
 class Near(NamedTuple):
     """A neighbour now: ``x``, ``y`` [m, world], velocity ``vx``, ``vy`` [m/s], ``keep``, the distance of the centres to
-    keep [m], and its ``name``."""
+    keep [m], its ``name``, ``theta`` [rad] and ``omega`` [rad/s]; a piece of wall is one that stands."""
 
     x: float
     y: float
@@ -30,6 +30,8 @@ class Near(NamedTuple):
     vy: float
     keep: float
     name: str
+    theta: float = 0.0
+    omega: float = 0.0
 
 
 def approach_speed(free: float) -> float:
