@@ -14,7 +14,7 @@ import daqp
 import numpy as np
 import pyrvo
 
-from benchmarks.support.crowd import CRUISE, DESIRED, DOOR, OPEN, PERIOD, ROBOT, Case, Method, nearest_on_walls
+from benchmarks.support.crowd import DESIRED, DOOR, OPEN, PERIOD, ROBOT, Case, Method, nearest_on_walls
 from muro_zenoh.behaviours.interface import Snapshot
 from muro_zenoh.geometry import STILL, Pose2, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.barrier import Barrier
@@ -26,6 +26,8 @@ _INFLATION = 0.05
 _HORIZON = 5.0
 _WALL_HORIZON = 1.0
 _RANGE = 3.0
+_NUDGE = 0.1
+"""What the authors' examples do against deadlocks: a random part of the preferred velocity [m/s]."""
 _HEADING_GAIN = 3.0
 BARRIER = Barrier()
 SETTINGS = SeparationSettings()
@@ -55,7 +57,8 @@ class Ours:
 class Orca:
     """Optimal reciprocal collision avoidance (RVO2): ORCA chooses a velocity, the unicycle turns to it and follows.
 
-    Each robot has a simulator of its own, with what it sees.
+    Each robot has a simulator of its own, with what it sees. It may drive at the robots' full speed, with which it does
+    best.
 
     Args:
         case: the robots' goals, the walls.
@@ -64,13 +67,14 @@ class Orca:
     def __init__(self, case: Case) -> None:
         self._case = case
         self._robots = len(case.starts)
+        self._rng = np.random.default_rng(0)
         self._simulators = [self._simulator() for _ in case.starts]
 
     def _simulator(self) -> Any:
         radius = ROBOT.radius + _INFLATION
         simulator = pyrvo.RVOSimulator()
         simulator.set_time_step(PERIOD)
-        simulator.set_agent_defaults(_RANGE, self._robots, _HORIZON, _WALL_HORIZON, radius, CRUISE)
+        simulator.set_agent_defaults(_RANGE, self._robots, _HORIZON, _WALL_HORIZON, radius, ROBOT.v_max)
         for x, y, _ in self._case.starts.tolist():
             simulator.add_agent((x, y))
         if self._case.arena is not OPEN:
@@ -102,9 +106,10 @@ class Orca:
         x, y = way(self._case, robot, state)
         dx, dy = x - state.x, y - state.y
         distance = math.hypot(dx, dy)
-        # As in the authors' examples: the whole way to the goal, at most one metre of it, whatever the maximum speed.
-        wish = min(1.0, distance) / max(distance, 1e-9)
-        simulator.set_agent_pref_velocity(robot, (wish * dx, wish * dy))
+        wish = min(ROBOT.v_max, distance) / max(distance, 1e-9)
+        angle, nudge = self._rng.uniform(0.0, 2.0 * math.pi), self._rng.uniform(0.0, _NUDGE)
+        wanted = wish * dx + nudge * math.cos(angle), wish * dy + nudge * math.sin(angle)
+        simulator.set_agent_pref_velocity(robot, wanted)
         simulator.do_step()
         velocity = simulator.get_agent_velocity(robot)
         speed = math.hypot(velocity.x, velocity.y)
