@@ -1,9 +1,9 @@
 """An attack on the separation certificate: robots that obey it, and otherwise do their worst.
 
 Each robot has a certificate of its own, from its own snapshots, and drives the most aggressive of its ideas that the
-certificate accepts; when it accepts none, it brakes. The world does its worst, too: old snapshots, lost ones, links that
-are cut while the robot drives on, processes that freeze while the wheels go on, wheels that brake at any moment. The
-bodies then are moved by the plant, which the certificate does not know.
+certificate accepts; when it accepts none, it brakes. The world does its worst, too: old snapshots, lost ones, links
+that are cut while the robot drives on, processes that freeze while the wheels go on, wheels that brake at any moment.
+The bodies then are moved by the plant, which the certificate does not know.
 
 Whatever happens, the clearance between two bodies must not fall below what the certificate leaves of its margin.
 """
@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import basinhopping, differential_evolution
 
 from benchmarks.support.crowd import ROBOT, SNAPSHOT_LIMIT
 from benchmarks.support.crowd_methods import BODY
@@ -31,19 +30,22 @@ PERIOD = 4
 """Of cameras and control loops [ticks]."""
 SECONDS = 3.0
 """Length of a game [s]."""
+KEPT = 0.04
+"""What must remain of the margin (0.046 m by default) between two bodies [m]; the rest is for paths seen in points."""
 ARENA = Bounds(-50.0, 50.0, -50.0, 50.0)
 NEVER = 10**6
-_CAMERA_AGE = 0.05
-_TICKS = round(SECONDS / TICK)
+CAMERA_AGE = 0.05
+TICKS = round(SECONDS / TICK)
 
 
 class Player(NamedTuple):
     """One robot of a game, and what the world does to it. Times in ticks.
 
-    ``x``, ``y`` [m], ``theta`` [rad]: its start, at rest; ``delay``: of its snapshots; ``loss``: the share that it never
-    receives; ``cut`` and ``mended``: no snapshot taken from the one to the other arrives; ``phase``: of its control
-    loop; ``freezes`` and ``wakes``: its control loop decides nothing from the one to the other, and its base sets the
-    wheels to zero ``holds`` after it froze; ``waits``: it stands until then; ``idea``: how it attacks; ``seed``: of its luck.
+    ``x``, ``y`` [m], ``theta`` [rad]: its start, at rest; ``delay``: of its snapshots; ``loss``: the share of them that
+    it never receives; ``cut`` and ``mended``: no snapshot taken from the one to the other arrives; ``phase``: of its
+    control loop; ``freezes`` and ``wakes``: its control loop decides nothing from the one to the other, and its base
+    sets the wheels to zero ``holds`` after it froze; ``waits``: it stands until then; ``idea``: how it attacks;
+    ``seed``: of its luck.
     """
 
     x: float
@@ -144,7 +146,7 @@ def play(games: Sequence[Game], settings: SeparationSettings) -> list[Outcome]:
     )
     names = [f"r{i}" for i in range(count)]
     minds = [
-        _Mind(player, i % count, Certificate(names[i % count], BODY, {n: BODY for n in names}, ARENA, settings))
+        _Mind(player, i % count, Certificate(names[i % count], BODY, dict.fromkeys(names, BODY), ARENA, settings))
         for i, player in enumerate(players)
     ]
     first, second = np.triu_indices(count, k=1)
@@ -152,11 +154,11 @@ def play(games: Sequence[Game], settings: SeparationSettings) -> list[Outcome]:
     when = np.zeros(len(games), dtype=int)
     commands = np.zeros((len(players), 2))
     history: list[list[tuple[Neighbour, ...]]] = []
-    for tick in range(_TICKS):
+    for tick in range(TICKS):
         rows = np.column_stack((plant.pose, plant.twist)).tolist()
         states = [State(*row) for row in rows]
         if tick % PERIOD == 0:
-            seen = [Neighbour(names[i % count], *row, _CAMERA_AGE) for i, row in enumerate(rows)]
+            seen = [Neighbour(names[i % count], *row, CAMERA_AGE) for i, row in enumerate(rows)]
             history.append([tuple(seen[g : g + count]) for g in range(0, len(seen), count)])
         for i, mind in enumerate(minds):
             game = i // count * count
@@ -183,7 +185,7 @@ class _Mind:
     def __init__(self, player: Player, me: int, certificate: Certificate) -> None:
         self._player, self._me, self._certificate = player, me, certificate
         self._rng = np.random.default_rng(player.seed)
-        captures = _TICKS // PERIOD + 1
+        captures = TICKS // PERIOD + 1
         self._lost = self._rng.random(captures) < player.loss
         taken = np.arange(captures) * PERIOD
         self._lost |= (taken >= player.cut) & (taken < player.mended)
@@ -204,7 +206,7 @@ class _Mind:
         if (tick - player.phase) % PERIOD:
             return None
         now = tick * TICK
-        age = now - self._newest * PERIOD * TICK - _CAMERA_AGE
+        age = now - self._newest * PERIOD * TICK - CAMERA_AGE
         if self._newest == 0 and player.cut > 0:
             age = min(age, player.delay * TICK)  # standing robots were seen all the time
         if age > SNAPSHOT_LIMIT:
@@ -228,140 +230,3 @@ class _Mind:
             self._victim = int(self._rng.choice(others))
             self._until = tick + int(self._rng.integers(10, 80))
         return IDEAS[self._player.idea % len(IDEAS)](state, states[self._victim], self._rng)
-
-
-def random_game(rng: np.random.Generator, robots: int, settings: SeparationSettings) -> Game:
-    """Robots near each other, at rest and free of each other, and a world that does its worst.
-
-    Args:
-        rng: the luck.
-        robots: how many.
-        settings: of the filter.
-    """
-    keep = 2.0 * ROBOT.radius + settings.margin
-    size = rng.uniform(0.7, 1.6) * math.sqrt(robots / 2.0)
-    while True:
-        places = rng.uniform(-0.5 * size, 0.5 * size, (robots, 2))
-        gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))[np.triu_indices(robots, k=1)]
-        if gaps.min() > keep:
-            break
-    players = []
-    for x, y in places.tolist():
-        heading = rng.uniform(-math.pi, math.pi)
-        if rng.random() < 0.5:  # towards the middle
-            heading = math.atan2(-y, -x) + rng.normal(0.0, 0.4)
-        cut = int(rng.integers(0, _TICKS)) if rng.random() < 0.4 else NEVER
-        freezes = int(rng.integers(0, _TICKS)) if rng.random() < 0.3 else NEVER
-        delay, holds, waits = int(rng.integers(4, 25)), int(rng.integers(0, 29)), int(rng.integers(0, 120))
-        if rng.random() < 0.3:  # it makes the most of what it saw last: waits, and goes blind as late as possible
-            cut = int(rng.integers(10, 120))
-            freezes, holds = cut + round((SNAPSHOT_LIMIT + _CAMERA_AGE) / TICK) - int(rng.integers(0, 12)), 28
-            waits = freezes - int(rng.integers(1, 40))
-        players.append(
-            Player(
-                x,
-                y,
-                heading,
-                delay=delay,
-                loss=float(rng.choice((0.0, 0.0, 0.2, 0.5, 0.8))),
-                cut=cut,
-                mended=cut + int(rng.integers(4, 240)),
-                phase=int(rng.integers(0, PERIOD)),
-                freezes=freezes,
-                wakes=freezes + int(rng.integers(4, 160)),
-                holds=holds,
-                waits=waits if rng.random() < 0.5 else 0,
-                idea=int(rng.choice(len(IDEAS), p=(0.35, 0.25, 0.15, 0.1, 0.15))),
-                seed=int(rng.integers(0, 2**31)),
-            )
-        )
-    return players
-
-
-_BOUNDS = (
-    (0.1, 1.2),  # free floor between the bodies' margins at the start [m]
-    (-math.pi, math.pi),  # heading of the first, from the direction to the second
-    (-math.pi, math.pi),  # heading of the second, likewise
-    (4, 25),  # delay of the first's snapshots
-    (4, 25),  # of the second's
-    (0, 160),  # when the first's link is cut
-    (0, 90),  # it freezes so much later
-    (0, 28),  # its wheels go on for so long
-    (0, 200),  # it waits until
-    (0, 200),  # the second waits until
-    (0, PERIOD),  # phase of the first
-    (0, PERIOD),  # of the second
-    (0, len(IDEAS)),  # idea of the first
-    (0, len(IDEAS)),  # of the second
-)
-"""What the search varies: two robots, one of which goes blind."""
-
-
-def game_of(numbers: Sequence[float], settings: SeparationSettings) -> Game:
-    """The game of a point of the search.
-
-    Args:
-        numbers: one within each of the bounds.
-        settings: of the filter.
-    """
-    free, first, second, *rest = numbers
-    whole = [int(value) for value in rest]
-    delay, other_delay, cut, later, holds, waits, other_waits, phase, other_phase, idea, other_idea = whole
-    apart = 2.0 * ROBOT.radius + settings.margin + 1e-3 + free
-    blind = Player(0.0, 0.0, first, delay, 0.0, cut, NEVER, phase, cut + later, NEVER, holds, waits, idea, 1)
-    other = Player(apart, 0.0, math.pi + second, other_delay, phase=other_phase, waits=other_waits, idea=other_idea)
-    return blind, other
-
-
-class Found(NamedTuple):
-    """What a search found: the least ``clearance`` [m], the ``game`` and how many games it ``played``."""
-
-    clearance: float
-    game: Game
-    played: int
-
-
-def search(settings: SeparationSettings, seed: int, generations: int = 40, hops: int = 0) -> Found:
-    """Search the game of two robots for the least clearance.
-
-    Differential evolution over all of it, then, from the best game, basin hopping.
-
-    Args:
-        settings: of the filter.
-        seed: of the search.
-        generations: of differential evolution.
-        hops: of basin hopping.
-    """
-    played = 0
-
-    def clearances(points: np.ndarray) -> np.ndarray:
-        nonlocal played
-        games = [game_of(point, settings) for point in np.atleast_2d(points.T)]
-        played += len(games)
-        return np.array([outcome.clearance for outcome in play(games, settings)])
-
-    evolved = differential_evolution(
-        clearances,
-        _BOUNDS,
-        rng=seed,
-        popsize=6,
-        maxiter=generations,
-        polish=False,
-        vectorized=True,
-        updating="deferred",
-        tol=0.0,
-    )
-    best, value = evolved.x, float(evolved.fun)
-    if hops:
-        low, high = np.array(_BOUNDS).T
-        hopped = basinhopping(
-            lambda point: float(clearances(np.clip(point, low, high - 1e-9))[0]),
-            best,
-            niter=hops,
-            stepsize=1.0,
-            minimizer_kwargs={"method": "Nelder-Mead", "options": {"maxfev": 30}},
-            rng=seed,
-        )
-        if hopped.fun < value:
-            best, value = np.clip(hopped.x, low, high - 1e-9), float(hopped.fun)
-    return Found(value, game_of(best, settings), played)

@@ -33,6 +33,19 @@ BARRIER = Barrier()
 SETTINGS = SeparationSettings()
 
 
+class NoFilter:
+    """Robots that drive as they want, through each other.
+
+    Args:
+        case: not used.
+    """
+
+    def __init__(self, case: Case) -> None: ...
+
+    def step(self, robot: int, t: float, state: State, desired: Twist2, snapshot: Snapshot | None) -> Twist2:
+        return desired
+
+
 class Ours:
     """The separation filter, one for each robot.
 
@@ -51,7 +64,8 @@ class Ours:
         ]
 
     def step(self, robot: int, t: float, state: State, desired: Twist2, snapshot: Snapshot | None) -> Twist2:
-        return self.filters[robot].step(t, state, desired, snapshot, self._goals[robot]).twist
+        goal = self._goals[robot] if self._goals else None
+        return self.filters[robot].step(t, state, desired, snapshot, goal).twist
 
 
 class Orca:
@@ -179,4 +193,9 @@ def way(case: Case, robot: int, state: State) -> tuple[float, float]:
     return (side * 0.6, 0.0) if near else (-side * 0.5, 0.0)
 
 
-METHODS: dict[str, Callable[[Case], Method]] = {"ours": Ours, "orca": Orca, "barrier": BarrierCertificates}
+METHODS: dict[str, Callable[[Case], Method]] = {
+    "ours": Ours,
+    "orca": Orca,
+    "barrier": BarrierCertificates,
+    "none": NoFilter,
+}
