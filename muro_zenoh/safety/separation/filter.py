@@ -8,8 +8,10 @@ from typing import NamedTuple
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, SharedSnapshot
-from muro_zenoh.safety.separation.certificate import WALL, Certificate, Wall
-from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, rows_of, velocity_of
+from muro_zenoh.safety.separation.certificate import Certificate
+from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
+from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, is_busy, rows_of, velocity_of
+from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
 from muro_zenoh.safety.separation.liveness import HORIZON, Patience, first_met, free_direction, roomiest
 from muro_zenoh.safety.separation.planner import Planner, Segment
 from muro_zenoh.safety.separation.projection import Row
@@ -17,6 +19,7 @@ from muro_zenoh.safety.separation.settings import SeparationSettings
 
 _LOOK = 1.6
 _WANTS = 0.01
+_NEARLY_THERE = 0.15
 
 
 class Separated(NamedTuple):
@@ -53,12 +56,15 @@ class Separation:
         self._inside = arena.shrunk(body.radius + settings.wall_margin)
         keep = body.radius + settings.wall_margin
         self._planner = Planner(self._inside, [Segment(x, y, p - x, q - y, keep) for x, y, p, q in walls])
+        self._gates = gates_between(walls, arena, keep)
+        self._waits_for = ""
         self._plan: list[tuple[float, float]] = []
         self._plan_next = self._plan_until = -math.inf
         self._patience = Patience(sorted({name, *others}).index(name))
         self._body = body
         self._settings = settings
-        self._certificate = Certificate(name, body, others, arena, settings, walls)
+        self._known = Knowledge(name, body, others, settings, walls)
+        self._certificate: Certificate
 
     def step(
         self,
@@ -77,25 +83,26 @@ class Separation:
             snapshot: all robots; None when there is none or it is stale.
             target: where the behaviour is heading, x, y [m, world]; None when it has no such place.
         """
-        fresh = snapshot is not None and self._certificate.learn(now, snapshot)
+        blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
         if not self._settings.enabled:
             return Separated(desired, "")
         if not all(map(math.isfinite, (*state, *desired))):
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
-        if not fresh:
-            return Separated(STILL, "brakes: no fresh positions")
-        self._certificate.begin(now, state)
+        if blind:
+            return Separated(STILL, f"brakes: {blind}")
+        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings)
         return self._guide(now, state, desired, target)
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
         body, certificate, patience = self._body, self._certificate, self._patience
         x, y = state.x, state.y
-        near = certificate.near(now, x, y, _LOOK)
+        near = self._known.near(now, x, y, _LOOK)
         ux, uy = velocity_of(state, desired)
         speed = math.hypot(ux, uy)
-        stood = patience.look(now, state, speed > _WANTS)
+        far = target is None or math.dist(target, (x, y)) > _NEARLY_THERE
+        stood = patience.look(now, state, speed > _WANTS and far)
         if speed <= _WANTS:
             return self._make_room(state, desired, near)
         ux, uy = self._way(now, state, ux, uy, target, near, stood)
@@ -141,8 +148,7 @@ class Separation:
         for other in near:
             dx, dy = state.x - other.x, state.y - other.y
             away = math.hypot(dx, dy)
-            busy = math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.15
-            if not busy or away > other.keep + 0.25:
+            if not is_busy(other) or away > other.keep + 0.25:
                 continue
             if dx * math.cos(other.theta) + dy * math.sin(other.theta) < 0.25 * away:
                 continue
@@ -178,6 +184,13 @@ class Separation:
             self._plan_next = now + 1.0
             if stood >= 1.0:
                 self._plan_until = now + 3.0
+        gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates else None
+        waiting = place_to_wait(gate, *here, near) if gate is not None and not self._patience.retreating else None
+        if waiting is not None:
+            (x, y), self._waits_for = waiting
+            away = math.dist((x, y), here)
+            speed = min(math.hypot(ux, uy), away) / max(away, 1e-9) if away > 0.1 else 0.0
+            return speed * (x - here[0]), speed * (y - here[1])
         reachable = (p for p in reversed(self._plan) if math.dist(p, here) <= 0.5 and self._planner.sees(here, p))
         ahead = next(reachable, None)
         if ahead is None or math.dist(ahead, here) < 0.05:

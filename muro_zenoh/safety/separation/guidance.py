@@ -34,6 +34,15 @@ class Near(NamedTuple):
     omega: float = 0.0
 
 
+def is_busy(other: Near) -> bool:
+    """Whether a neighbour drives, or turns because it waits; one that is parked does neither.
+
+    Args:
+        other: the neighbour.
+    """
+    return math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.15
+
+
 def approach_speed(free: float) -> float:
     """How fast two robots may approach along the free distance between them, each [m/s]; negative when it lacks.
 
