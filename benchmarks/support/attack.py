@@ -16,12 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.support.crowd import ROBOT, SNAPSHOT_LIMIT
+from benchmarks.support.crowd import ROBOT
 from benchmarks.support.crowd_methods import BODY
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.separation import SeparationSettings
 from muro_zenoh.safety.separation.certificate import Certificate
+from muro_zenoh.safety.separation.knowledge import Knowledge
 from muro_zenoh.simulation.plant import Plant
 
 TICK = 0.0125
@@ -35,6 +36,7 @@ KEPT = 0.04
 ARENA = Bounds(-50.0, 50.0, -50.0, 50.0)
 NEVER = 10**6
 CAMERA_AGE = 0.05
+_BEFORE = 80  # so long do the robots stand and are seen before the game begins [ticks]
 TICKS = round(SECONDS / TICK)
 
 
@@ -146,7 +148,7 @@ def play(games: Sequence[Game], settings: SeparationSettings) -> list[Outcome]:
     )
     names = [f"r{i}" for i in range(count)]
     minds = [
-        _Mind(player, i % count, Certificate(names[i % count], BODY, dict.fromkeys(names, BODY), ARENA, settings))
+        _Mind(player, i % count, Knowledge(names[i % count], BODY, dict.fromkeys(names, BODY), settings), settings)
         for i, player in enumerate(players)
     ]
     first, second = np.triu_indices(count, k=1)
@@ -154,7 +156,7 @@ def play(games: Sequence[Game], settings: SeparationSettings) -> list[Outcome]:
     when = np.zeros(len(games), dtype=int)
     commands = np.zeros((len(players), 2))
     history: list[list[tuple[Neighbour, ...]]] = []
-    for tick in range(TICKS):
+    for tick in range(-_BEFORE, TICKS):
         rows = np.column_stack((plant.pose, plant.twist)).tolist()
         states = [State(*row) for row in rows]
         if tick % PERIOD == 0:
@@ -179,18 +181,17 @@ class _Mind:
     Args:
         player: the robot.
         me: its index within the game.
-        certificate: what it obeys.
+        known: what it knows of the others.
+        settings: of its filter.
     """
 
-    def __init__(self, player: Player, me: int, certificate: Certificate) -> None:
-        self._player, self._me, self._certificate = player, me, certificate
+    def __init__(self, player: Player, me: int, known: Knowledge, settings: SeparationSettings) -> None:
+        self._player, self._me, self._known, self._settings = player, me, known, settings
         self._rng = np.random.default_rng(player.seed)
-        captures = TICKS // PERIOD + 1
-        self._lost = self._rng.random(captures) < player.loss
-        taken = np.arange(captures) * PERIOD
+        taken = np.arange(-_BEFORE, TICKS + PERIOD, PERIOD)
+        self._lost = (taken > 0) & (self._rng.random(len(taken)) < player.loss)
         self._lost |= (taken >= player.cut) & (taken < player.mended)
-        self._lost[0] = False  # the robots stood there, and were seen, long before
-        self._newest = 0
+        self._newest = -1
         self._victim, self._until = 0, 0
 
     def step(
@@ -198,27 +199,19 @@ class _Mind:
     ) -> Twist2 | None:
         """The command of this tick; None when it stays as it is."""
         player = self._player
-        arrived = (tick - player.delay) // PERIOD
+        arrived = (tick + _BEFORE - player.delay) // PERIOD
         if arrived > self._newest and not self._lost[arrived]:
             self._newest = arrived
         if player.freezes <= tick < player.wakes:
             return STILL if tick - player.freezes >= player.holds else None
-        if (tick - player.phase) % PERIOD:
+        if (tick - player.phase) % PERIOD or self._newest < 0:
             return None
         now = tick * TICK
-        age = now - self._newest * PERIOD * TICK - CAMERA_AGE
-        if self._newest == 0 and player.cut > 0:
-            age = min(age, player.delay * TICK)  # standing robots were seen all the time
-        if age > SNAPSHOT_LIMIT:
+        sent = (self._newest * PERIOD - _BEFORE) * TICK + CAMERA_AGE
+        snapshot = Snapshot(history[self._newest][game], sent, 1, now - sent)
+        if self._known.learn(now, snapshot) or tick < max(player.waits, 0):
             return STILL
-        sent = now - age
-        snapshot = Snapshot(history[self._newest][game], sent, 1, max(age, 0.0))
-        certificate = self._certificate
-        if not certificate.learn(now, snapshot):
-            return STILL
-        certificate.begin(now, state)
-        if tick < player.waits:
-            return STILL
+        certificate = Certificate(state, BODY, ARENA, self._known, self._settings)
         for command in self._ideas(tick, state, states):
             if not certificate.blocker(command):
                 return command
