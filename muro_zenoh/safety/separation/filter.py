@@ -12,13 +12,22 @@ from muro_zenoh.safety.separation.certificate import Certificate
 from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
 from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, is_busy, rows_of, velocity_of
 from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
-from muro_zenoh.safety.separation.liveness import HORIZON, Patience, first_met, free_direction, roomiest
+from muro_zenoh.safety.separation.liveness import (
+    HORIZON,
+    Patience,
+    first_met,
+    free_direction,
+    free_speed,
+    goes_along,
+    roomiest,
+)
 from muro_zenoh.safety.separation.planner import Planner, Segment
 from muro_zenoh.safety.separation.projection import Row
 from muro_zenoh.safety.separation.settings import SeparationSettings
 
 _LOOK = 1.6
 _WANTS = 0.01
+_SLOW = 0.2
 _NEARLY_THERE = 0.15
 
 
@@ -92,14 +101,15 @@ class Separation:
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
         if blind:
             return Separated(STILL, f"brakes: {blind}")
-        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings)
+        fastest = max(abs(desired.v), math.hypot(*self._preferred(state, desired, target)), _SLOW)
+        self._certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         return self._guide(now, state, desired, target)
 
     def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
         body, certificate, patience = self._body, self._certificate, self._patience
         x, y = state.x, state.y
         near = self._known.near(now, x, y, _LOOK)
-        ux, uy = velocity_of(state, desired)
+        ux, uy = wx, wy = self._preferred(state, desired, target)
         speed = math.hypot(ux, uy)
         far = target is None or math.dist(target, (x, y)) > _NEARLY_THERE
         stood = patience.look(now, state, speed > _WANTS and far)
@@ -108,7 +118,7 @@ class Separation:
         ux, uy = self._way(now, state, ux, uy, target, near, stood)
         rows = rows_of(x, y, near)
         when, who = first_met(x, y, ux, uy, near)
-        as_wanted = (ux, uy) == velocity_of(state, desired) and not patience.retreating
+        as_wanted = (ux, uy) == (wx, wy) and not patience.retreating
         if (
             as_wanted
             and when >= HORIZON
@@ -120,11 +130,25 @@ class Separation:
         reason = f"keeps clear of {blocker}"
         if patience.retreating:
             ux, uy = roomiest(state, near, self._inside, 0.2)
+        elif who is not None and when < HORIZON and target is None and goes_along(who, ux, uy):
+            ux, uy = free_speed(x, y, ux, uy, near)
         elif when < HORIZON:
             ux, uy = free_direction(x, y, ux, uy, near, self._inside, patience.side)
         rows += self._wall_rows(state)
         wanted = guided(state, rows, ux, uy, max(speed, 0.1), body.omega_max)
         return Separated(self._certified(wanted, now, stood), reason)
+
+    def _preferred(self, state: State, desired: Twist2, target: tuple[float, float] | None) -> tuple[float, float]:
+        """The velocity that the behaviour wants: of the point ahead when it steers that to a place; otherwise in that
+        direction with the speed along its curve, because it may turn as fast as it likes."""
+        limit = self._body.omega_max
+        omega = min(max(desired.omega, -limit), limit)
+        ux, uy = velocity_of(state, Twist2(desired.v, omega))
+        speed = math.hypot(ux, uy)
+        most = max(abs(desired.v), _SLOW if target is not None and not desired.v < 0.0 else 0.5 * _SLOW)
+        if target is None and speed > most:
+            return ux * most / speed, uy * most / speed
+        return ux, uy
 
     def _certified(self, wanted: Twist2, now: float, stood: float) -> Twist2:
         """The wanted twist, or one like it that passes."""

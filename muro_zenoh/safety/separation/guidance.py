@@ -16,6 +16,8 @@ AHEAD: Final = 0.15
 """How far ahead of the axle the guided point is [m]."""
 REACTION: Final = 0.2
 """Time until a velocity is changed [s]."""
+TURNING: Final = 0.2
+"""A robot turns at least as fast as for this speed [m/s]."""
 DECELERATION: Final = 0.5
 """How robots are expected to slow down for each other [m/s^2]."""
 
@@ -96,10 +98,12 @@ def twist_for(state: State, vx: float, vy: float, omega_max: float) -> Twist2:
     """
     c, s = math.cos(state.theta), math.sin(state.theta)
     along, across = vx * c + vy * s, -vx * s + vy * c
+    speed = math.hypot(along, across)
     omega = across / AHEAD
     if along < 0.0:
-        omega = math.copysign(math.hypot(along, across) / AHEAD, across)
-        along = 0.0
+        omega, along = math.copysign(speed / AHEAD, across), 0.0
+    if 0.0 < speed < TURNING:  # a slow robot need not turn slowly
+        omega *= TURNING / speed
     return Twist2(along, min(max(omega, -omega_max), omega_max))
 
 
