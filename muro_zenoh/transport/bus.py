@@ -246,9 +246,7 @@ class Bus:
         if self._pulse is None:
             self._pulse = Pulse(self._loop, self.clock)
             self._open[self._pulse] = None
-        orders = Orders(
-            verb, key, handle, self._send_reply, self._loop, self.counters[word], self._pulse, self.clock
-        )
+        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word], self._pulse, self.clock)
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None
