@@ -25,15 +25,16 @@ class Certificate:
         inside: where its centre may be.
         known: what it knows of the others.
         settings: how to keep apart.
+        fastest: no command that is asked for is faster [m/s].
     """
 
     def __init__(
-        self, state: State, body: Body, inside: Bounds, known: Knowledge, settings: SeparationSettings
+        self, state: State, body: Body, inside: Bounds, known: Knowledge, settings: SeparationSettings, fastest: float
     ) -> None:
         self._state, self._body, self._hold = state, body, settings.hold
         x, y = state.x, state.y
         rest = braking_path(state, STILL, 0.0, body)
-        top = max(abs(state.v), body.v_max)
+        top = max(abs(state.v), fastest)
         reach = top * settings.hold + stopping_distance(top, body)
         lines = known.lines(x, y, reach)
         if x + reach > inside.x_max:

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
 from muro_zenoh.safety.separation.guidance import Near
-from muro_zenoh.safety.separation.line import Line, Point, Stretch, line_between, nearest_on
+from muro_zenoh.safety.separation.line import LEAST_NEED, Line, Point, Stretch, line_between, nearest_on
 from muro_zenoh.safety.separation.path import stopping_distance
 from muro_zenoh.safety.separation.reach import travel_toward
 from muro_zenoh.safety.separation.settings import SeparationSettings
@@ -22,6 +22,8 @@ GAP: Final = 0.3
 """After a gap of this length in the snapshots a robot listens before it drives [s]: it may have missed those that the
 others obey."""
 _OLDEST_ROW: Final = 0.25
+_TOGETHER: Final = 6
+"""Snapshots whose lines are looked at together."""
 
 
 class Obstacle(NamedTuple):
@@ -36,23 +38,26 @@ class Obstacle(NamedTuple):
     name: str
 
 
-class _Received(NamedTuple):
-    """A snapshot: when it was sent [s, local clock], its stamp and epoch, its lines."""
+class _Received:
+    """A snapshot: when it was sent [s, local clock], its stamp, epoch and rows, and the lines that were needed."""
 
-    sent: float
-    stamp: float
-    epoch: int
-    lines: tuple[Line, ...]
+    __slots__ = ("epoch", "lines", "mine", "rows", "sent", "stamp")
+
+    def __init__(self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, Row]) -> None:
+        self.sent, self.stamp, self.epoch, self.mine, self.rows = sent, stamp, epoch, mine, rows
+        self.lines: dict[str, Line | None] = {}
 
 
 class _Mate(NamedTuple):
-    """A robot of the fleet in the newest snapshot: its row, body, time of its fix [s, local clock], and the distance of
-    the centres to keep [m]."""
+    """A robot of the fleet in the newest snapshot: its row, body, time of its fix [s, local clock], the distance of the
+    centres to keep [m], and its heading's cosine and sine."""
 
     row: Row
     body: Body
     captured: float
     keep: float
+    c: float
+    s: float
 
 
 class Knowledge:
@@ -77,6 +82,7 @@ class Knowledge:
         self._name, self._body, self._settings = name, body, settings
         self._others = dict(others)
         self._largest = max((*others.values(), body), key=lambda known: known.radius)
+        self._longest_stops = 2.0 * max(stopping_distance(known.v_max, known) for known in (*others.values(), body))
         keep = body.radius + settings.wall_margin
         self.walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
         self._received: deque[_Received] = deque()
@@ -86,7 +92,7 @@ class Knowledge:
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, in the newest snapshot."""
-        self._seen: list[tuple[Row, float, bool]] = []
+        self._seen: list[tuple[Row, float, float, float]] = []
 
     def learn(self, now: float, snapshot: SharedSnapshot | None) -> str:
         """Take the newest snapshot; one that is known already changes nothing.
@@ -123,14 +129,8 @@ class Knowledge:
                 return
         rows = {row.name: row for row in snapshot.robots}
         me = rows.pop(self._name, None)
-        lines: list[Line] = []
-        if me is not None:
-            mine = self._stretch(me, self._body)
-            for name, row in rows.items():
-                body = self._others.get(name)
-                if body is not None and row.state == "tracking":
-                    lines.append(line_between(mine, self._stretch(row, body), name))
-        taken = _Received(sent, snapshot.stamp, snapshot.epoch, tuple(lines))
+        mine = None if me is None else self._stretch(me, self._body)
+        taken = _Received(sent, snapshot.stamp, snapshot.epoch, mine, rows)
         if received and sent < received[-1].sent:  # overtaken on its way: one more to obey, but nothing newer
             received.insert(sum(each.sent < sent for each in received), taken)
             return
@@ -147,16 +147,19 @@ class Knowledge:
         """Where the others are in the newest snapshot."""
         obstacles: list[Obstacle] = []
         self._mates, self._seen = {}, []
+        own = self._body.radius + self._settings.margin
         for name, row in rows.items():
             body = self._others.get(name)
-            keep = self._body.radius + (body or self._largest).radius + self._settings.margin
-            drives = body is not None and row.state == "tracking"
-            if body is not None and drives:
+            c, s = math.cos(row.theta), math.sin(row.theta)
+            if body is not None and row.state == "tracking":
+                keep = own + body.radius
                 self._speeds[name] = row.v
-                self._mates[name] = _Mate(row, body, sent - row.age, keep)
+                self._mates[name] = _Mate(row, body, sent - row.age, keep, c, s)
+                self._seen.append((row, keep, row.v * c, row.v * s))
             else:
+                keep = own + (body or self._largest).radius
                 obstacles.append(self._obstacle(row, body or self._largest, keep))
-            self._seen.append((row, keep, drives))
+                self._seen.append((row, keep, 0.0, 0.0))
         self.obstacles = tuple(obstacles)
 
     def _stretch(self, row: Row, body: Body) -> Stretch:
@@ -183,25 +186,58 @@ class Knowledge:
             reach: how far it comes at most [m].
         """
         found: list[Line] = []
-        newest = len(self._received) - 1
-        for k, received in enumerate(self._received):
-            for line in received.lines:
-                nx, ny, bound, name = line
-                if nx * x + ny * y + reach <= bound:
-                    continue
-                mate = self._mates.get(name) if k < newest else None
-                if mate is not None:
-                    row = mate.row
-                    drives = received.sent + self._span - mate.captured
-                    turn = math.acos(max(-1.0, min(1.0, -nx * math.cos(row.theta) - ny * math.sin(row.theta))))
-                    there = nx * row.x + ny * row.y - mate.keep
-                    if there > bound:
-                        bound = max(bound, there - travel_toward(row.v, turn, mate.body, drives))
-                        if nx * x + ny * y + reach <= bound:
-                            continue
-                        line = Line(nx, ny, bound, name)
+        *older, newest = self._received
+        for name, mate in self._mates.items():
+            row = mate.row
+            free = math.hypot(row.x - x, row.y - y) - mate.keep
+            # A line leaves a robot at least this part of the free floor between the two stretches.
+            part = LEAST_NEED / (2.0 * LEAST_NEED + mate.body.v_max)
+            if part * (free - self._longest_stops) > reach:
+                continue
+            line = self._line(newest, name)
+            if line is not None and line.nx * x + line.ny * y + reach > line.bound:
                 found.append(line)
+            horizon = newest.sent + self._span - mate.captured
+            if free <= reach + travel_toward(row.v, 0.0, mate.body, horizon):
+                self._older_lines(x, y, reach, name, mate, older, found)
         return found
+
+    def _older_lines(
+        self, x: float, y: float, reach: float, name: str, mate: _Mate, older: list[_Received], found: list[Line]
+    ) -> None:
+        row = mate.row
+        for start in range(0, len(older), _TOGETHER):
+            group = older[start : start + _TOGETHER]
+            crossed: list[Line] = []
+            ahead = -1.0
+            for received in group:
+                line = self._line(received, name)
+                if line is not None and line.nx * x + line.ny * y + reach > line.bound:
+                    crossed.append(line)
+                    ahead = max(ahead, -line.nx * mate.c - line.ny * mate.s)
+            if not crossed:
+                continue
+            # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
+            drives = group[-1].sent + self._span - mate.captured
+            come = travel_toward(row.v, math.acos(min(1.0, ahead)), mate.body, drives)
+            for line in crossed:
+                nx, ny, bound, _ = line
+                there = nx * row.x + ny * row.y - mate.keep - come
+                if there <= bound:
+                    found.append(line)
+                elif nx * x + ny * y + reach > there:
+                    found.append(Line(nx, ny, there, name))
+
+    def _line(self, received: _Received, name: str) -> Line | None:
+        """The line of a snapshot between this robot and another; None when that did not keep apart by itself then."""
+        if name in received.lines:
+            return received.lines[name]
+        row, body = received.rows.get(name), self._others.get(name)
+        line = None
+        if row is not None and body is not None and row.state == "tracking" and received.mine is not None:
+            line = line_between(received.mine, self._stretch(row, body), name)
+        received.lines[name] = line
+        return line
 
     def near(self, now: float, x: float, y: float, within: float) -> list[Near]:
         """The neighbours and walls near a position, moved on to now; the nearest first.
@@ -216,8 +252,7 @@ class Knowledge:
             return []
         found = []
         age = now - self._received[-1].sent
-        for row, keep, moving in self._seen:
-            vx, vy = (row.v * math.cos(row.theta), row.v * math.sin(row.theta)) if moving else (0.0, 0.0)
+        for row, keep, vx, vy in self._seen:
             old = age + row.age
             px, py = row.x + vx * old, row.y + vy * old
             away = math.hypot(px - x, py - y)
