@@ -282,6 +282,19 @@ def test_a_process_that_ends_by_itself_is_noted_and_started_anew() -> None:
     assert commanded(trace, "r1", 3.0)
 
 
+def test_what_a_fault_keeps_down_no_supervisor_starts() -> None:
+    async def break_it(fleet: VirtualFleet) -> None:
+        await asyncio.sleep(2.0)
+        agent = fleet.processes["r1/agent"].task
+        assert agent is not None
+        agent.cancel()  # it would be started anew at 2.5
+
+    trace = run_fleet(lab({"kind": "crash", "target": "r1/agent", "at": 2.2, "until": 4.0}), 1, break_it)
+    assert not trace.effects[0].occurred
+    assert not commanded(trace, "r1", 3.9)
+    assert commanded(trace, "r1", 4.5)
+
+
 def test_what_the_script_raises_ends_the_run() -> None:
     async def fail(fleet: VirtualFleet) -> None:
         raise LookupError("no such thing")
