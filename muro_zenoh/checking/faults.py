@@ -114,7 +114,7 @@ class Faults:
     def _end(self, number: int) -> None:
         self.effects[number].ended = self._fleet.elapsed
         with self._noting_failures():
-            self._ends.pop(number)()
+            self._ends.pop(number, _nothing)()
 
     @contextmanager
     def _noting_failures(self) -> Iterator[None]:
@@ -123,6 +123,10 @@ class Faults:
             yield
         except Exception as error:
             self.failures.append(error)
+
+
+def _nothing() -> None:
+    """The end of a fault that could not begin."""
 
 
 # ---- links

@@ -16,6 +16,7 @@ from muro_zenoh import channels
 from muro_zenoh.checking.fleet import VirtualFleet
 from muro_zenoh.checking.run import run_fleet
 from muro_zenoh.checking.trace import Contact, Trace, find_contacts
+from muro_zenoh.checking.world import World
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.messages import Estimate
 from tests.support.waiting import seconds
@@ -47,7 +48,9 @@ FAULTS: list[dict[str, Any]] = [
     {"kind": "stall", "target": "camera"},
     {"kind": "crash", "target": "r1/agent"},
     {"kind": "restart", "target": "basestation"},
+    {"kind": "restart", "target": "router"},
     {"kind": "freeze", "target": "r2/base"},
+    {"kind": "freeze", "target": "router"},
     {"kind": "camera_dropout", "target": "r2"},
     {"kind": "clock_offset", "target": "r1", "offset": 3.0},
     {"kind": "clock_step", "target": "basestation", "step": -1.0},
@@ -282,6 +285,36 @@ def test_a_process_that_ends_by_itself_is_noted_and_started_anew() -> None:
     assert commanded(trace, "r1", 3.0)
 
 
+def test_what_a_fault_keeps_down_no_supervisor_starts() -> None:
+    async def break_it(fleet: VirtualFleet) -> None:
+        await asyncio.sleep(2.0)
+        agent = fleet.processes["r1/agent"].task
+        assert agent is not None
+        agent.cancel()  # it would be started anew at 2.5
+
+    trace = run_fleet(lab({"kind": "crash", "target": "r1/agent", "at": 2.2, "until": 4.0}), 1, break_it)
+    assert not trace.effects[0].occurred
+    assert not commanded(trace, "r1", 3.9)
+    assert commanded(trace, "r1", 4.5)
+
+
+def test_a_router_that_is_started_anew_at_once_is_found_again_after_a_second() -> None:
+    trace = run_fleet(lab({"kind": "restart", "target": "router", "at": 3.0}), 1)
+    assert ages(trace, "r1", 3.95)[0] > 0.9
+    assert ages(trace, "r1", 4.2)[0] < 0.2
+    assert trace.effects[0].occurred
+
+
+def test_a_fault_that_cannot_be_applied_is_an_error_and_not_a_line_in_a_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise LookupError("no such thing")
+
+    monkeypatch.setattr(World, "carry", fail)
+    with pytest.raises(ExceptionGroup) as error:
+        run_fleet(lab({"kind": "carry", "target": "r1", "at": 1.0, "duration": 1.0}), 1)
+    assert error.group_contains(LookupError, match="no such thing")
+
+
 def test_what_the_script_raises_ends_the_run() -> None:
     async def fail(fleet: VirtualFleet) -> None:
         raise LookupError("no such thing")
@@ -294,9 +327,9 @@ def test_what_the_script_raises_ends_the_run() -> None:
 def test_contacts_are_found_in_the_truth() -> None:
     times = np.arange(6.0)
     poses = np.zeros((6, 3, 3))
-    poses[:, 1, 0] = [1.0, 0.3, 0.2, 1.0, 0.35, 0.2]
+    poses[:, 1, 0] = [1.0, 0.3, 0.2, 0.36, 0.34, 0.2]
     poses[:, 2, 1] = 9.0
-    radii = np.array([0.2, 0.2, 0.1])
+    radii = np.array([0.2, 0.15, 0.1])
     assert find_contacts(("a", "b", "c"), radii, times, poses) == (
         Contact("a", "b", 1.0, 3.0),
         Contact("a", "b", 4.0, 5.0),

@@ -348,6 +348,17 @@ async def test_news_of_a_token_that_a_cut_has_swallowed_comes_after_it() -> None
 
 
 @virtual
+async def test_news_of_a_token_is_repeated_until_it_arrives() -> None:
+    pair = Pair()
+    pair.watch()
+    async with troubled(pair.reader, Loss(RNG(1), 1.0)):
+        pair.writer.declare_token("alive/1")
+        pair.put("a message")
+    assert pair.tokens == [(0.0, True)]
+    assert pair.arrived == []
+
+
+@virtual
 async def test_a_frozen_process_loses_its_token_after_the_lease() -> None:
     pair = Pair()
     pair.watch()

@@ -74,8 +74,8 @@ def gate_ahead(gates: Sequence[Gate], way: Sequence[Point]) -> Gate | None:
     return None
 
 
-def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near]) -> tuple[Point, str] | None:
-    """Where a robot waits that has to let others through first, and for whom; None when it may go.
+def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near]) -> Point | None:
+    """Where a robot waits that has to let others through first; None when it may go.
 
     Args:
         gate: the gate in its way.
@@ -98,5 +98,5 @@ def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near]) -> tuple
             back, right = _BESIDE
             nx, ny = sign * gate.nx, sign * gate.ny
             # looking at the gate, -n, the right is n turned counter-clockwise
-            return (gate.x + back * nx - right * ny, gate.y + back * ny + right * nx), other.name
+            return gate.x + back * nx - right * ny, gate.y + back * ny + right * nx
     return None
