@@ -1,7 +1,7 @@
 """Whether this process was frozen: it must not carry out the orders that piled up meanwhile.
 
-Whoever gave them was told that nobody answered. A message's age is known from its writer's earlier ones; an order has none,
-so the process that takes it looks at itself: a timer of its loop beats, and a gap between two beats was a pause.
+Their senders have given up waiting. A message's age is known from its writer's earlier ones; an order has none, so the
+process that takes it looks at itself: a timer of its loop beats, and a gap between two beats was a pause.
 """
 
 from __future__ import annotations
