@@ -303,7 +303,7 @@ async def test_a_stale_pose_stops_the_robot() -> None:
 
 @pytest.mark.parametrize(("limit", "stale"), [(0.25, "stale"), (0.6, "tracking")])
 def test_the_ages_that_a_fleet_file_sets_hold_at_agent_base_and_base_station(limit: float, stale: str) -> None:
-    """The base's limit is seen with a killed agent, the others' without a camera, half a second after its last frame."""
+    """The base's limit shows with a killed agent, the others' without a camera, half a second after its last frame."""
 
     async def main() -> None:
         table = {
