@@ -64,7 +64,9 @@ class Separation:
         settings: SeparationSettings,
         walls: Sequence[Wall] = (),
     ) -> None:
-        self._body, self._settings = body, settings
+        self._nominal = self._body = body
+        self._settings = settings
+        self._changed = False  # the last command
         keep = body.radius + settings.wall_margin
         self._inside = arena.shrunk(keep)
         self._known = Knowledge(name, body, others, settings, walls)
@@ -79,6 +81,7 @@ class Separation:
         desired: Twist2 | None,
         snapshot: SharedSnapshot | None,
         target: tuple[float, float] | None = None,
+        body: Body | None = None,
     ) -> Separated:
         """The twist to drive now.
 
@@ -88,7 +91,10 @@ class Separation:
             desired: what its behaviour wants; None when it holds: then the robot stands still.
             snapshot: all robots; None when there is none or it is stale.
             target: where the behaviour is heading, x, y [m, world]; None when it has no such place.
+            body: this robot's limits as its wheels are now, with their drive errors; None for those that all robots
+                know of it, by which the lines between them are drawn.
         """
+        self._body = body or self._nominal
         blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
@@ -105,7 +111,7 @@ class Separation:
         certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         near = self._known.near(now, state.x, state.y, _LOOK)
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
-        stood = self._patience.look(now, state, speed > _WANTS and far)
+        stood = self._patience.look(now, state, speed > _WANTS and far and self._changed)
         rests = speed <= _WANTS
         room = self._courtesy.look(now, state, rests, target, near, self._inside)
         if room is not None:
@@ -119,6 +125,7 @@ class Separation:
                 wanted = guided(state, (), *velocity, UNHURRIED, self._body.omega_max)
                 desired = wanted
             given, reason = self._get_past(now, state, wanted, velocity, near, certificate, target, stood)
+        self._changed = bool(reason)
         return Separated(given if reason else desired, reason)
 
     def _get_past(
