@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated
 
 from msgspec import Meta, field
@@ -17,6 +18,10 @@ class Goal(Message, frozen=True, kw_only=True):
     x: float
     y: float
     theta: float | None = None
+
+
+_circle = lru_cache(maxsize=16)(geometry.Circle)
+"""Every agent asks at each fix, and the answer is checked only once."""
 
 
 class Circle(Message, frozen=True, kw_only=True):
@@ -41,7 +46,7 @@ class Circle(Message, frozen=True, kw_only=True):
     @property
     def circle(self) -> geometry.Circle:
         """The circle as the laws use it."""
-        return geometry.Circle(self.x, self.y, self.radius, self.clockwise)
+        return _circle(self.x, self.y, self.radius, self.clockwise)
 
 
 class Behaviour(Message, frozen=True, kw_only=True):

@@ -10,8 +10,8 @@ import pytest
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds
-from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.safety.separation import SeparationSettings
+from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 
 ARENA = Bounds(0.0, 4.2, 0.0, 3.0)
