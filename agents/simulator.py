@@ -47,6 +47,7 @@ class Room:
         }
         self._bus = bus
         self._dead_man = scenario.timeouts.command
+        self._limits = {name: robot.wheels for name, robot in scenario.robot.items()}
         self._wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
@@ -55,7 +56,8 @@ class Room:
     async def run(self) -> None:
         """Run bases, plant and cameras."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(run_bases(self._bus, self._wheels, self._bus.clock, self._dead_man), name="bases")
+            bases = run_bases(self._bus, self._wheels, self._bus.clock, self._dead_man, self._limits)
+            tasks.create_task(bases, name="bases")
             tasks.create_task(self._publish_truth(), name="truth")
             for name, camera in self.cameras.items():
                 tasks.create_task(camera.run(), name=f"camera {name}")

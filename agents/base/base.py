@@ -8,9 +8,11 @@ from __future__ import annotations
 import logging
 import math
 
+from agents.base.obedience import Obedience
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
 from muro_zenoh.config import TIMEOUTS
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Received
 
@@ -27,13 +29,17 @@ class Base:
         name: the robot's name, for the log.
         wheels: the wheels that it drives.
         dead_man: maximum age of a command that the wheels follow [s].
+        limits: of the wheels, to notice that somebody else turns them; None where they are not known.
 
     Attributes:
         overtaken: how many commands were ignored because a later one of their writer had come before them.
     """
 
-    def __init__(self, name: str, wheels: Wheels, dead_man: float = DEAD_MAN) -> None:
+    def __init__(
+        self, name: str, wheels: Wheels, dead_man: float = DEAD_MAN, limits: WheelLimits | None = None
+    ) -> None:
         self._name = name
+        self._obedience = Obedience(limits) if limits is not None else None
         self._dead_man = dead_man
         self._wheels = wheels
         self._reading = wheels.read()
@@ -43,6 +49,7 @@ class Base:
         self._unsigned = False
         self._contested = -math.inf
         self._expires = -math.inf
+        self._now = -math.inf
         self._dead = True
         self._reported: tuple[float, ...] = ()
         self._reported_at = -math.inf
@@ -54,6 +61,7 @@ class Base:
             received: the received command.
             now: the time, for its age [s].
         """
+        self._now = now
         age = received.age(now)
         if not age <= self._dead_man:  # written so that a NaN is refused too
             return  # stale: part of a backlog
@@ -76,7 +84,12 @@ class Base:
         if self._dead:
             self._dead = False
             log.info("%s: receiving commands", self._name)
-        self._wheels.command(command.v, command.omega)
+        self._turn(command.v, command.omega)
+
+    def _turn(self, v: float, omega: float) -> None:
+        self._wheels.command(v, omega)
+        if self._obedience is not None:
+            self._obedience.command(v, omega, self._now)
 
     def _refuse_unsigned(self) -> None:
         """Two processes that both omit their epoch could not be distinguished, and would drive in turns."""
@@ -117,6 +130,9 @@ class Base:
             now: the time [s].
         """
         self._reading = self._wheels.read()
+        self._now = now
+        if self._obedience is not None:
+            self._obedience.read(self._reading.v, self._reading.omega, now)
         # Written so that an invalid time stops the wheels too.
         if not now <= self._expires and not self._dead:
             self._dead = True
@@ -126,7 +142,7 @@ class Base:
 
     def stop(self) -> None:
         """Set the wheels to zero."""
-        self._wheels.command(0.0, 0.0)
+        self._turn(0.0, 0.0)
 
     def odometry(self, now: float) -> Odometry:
         """What the wheels reported at the last beat.
@@ -144,7 +160,9 @@ class Base:
             now: the time of the last beat [s].
         """
         reading = self._reading
-        shown = (*reading[5:], self._dead)
+        contested = now <= self._contested
+        unruly = self._obedience is not None and self._obedience.unruly
+        shown = (*reading[5:], self._dead, contested, unruly)
         if shown == self._reported and now - self._reported_at < channels.BASE.period:
             return None
         self._reported, self._reported_at = shown, now
@@ -155,4 +173,6 @@ class Base:
             cliff=reading.cliff,
             wheel_drop=reading.wheel_drop,
             dead_man=self._dead,
+            contested=contested,
+            unruly=unruly,
         )

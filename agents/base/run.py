@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from contextlib import ExitStack
+from types import MappingProxyType
 
 from agents.base.base import DEAD_MAN, Base
 from agents.base.table import check_base, find
@@ -17,6 +18,7 @@ from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus, with_local_link
@@ -31,9 +33,16 @@ class _Bases:
     """The bases of one process, on one timer and one mailbox: with a timer and a task for each robot a simulator of
     thirty would have 1,500 wake-ups a second."""
 
-    def __init__(self, bus: Bus, wheels: Mapping[str, Wheels], clock: Clock, dead_man: float) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        wheels: Mapping[str, Wheels],
+        clock: Clock,
+        dead_man: float,
+        limits: Mapping[str, WheelLimits],
+    ) -> None:
         self._clock = clock
-        self._bases = {name: Base(name, driven, dead_man) for name, driven in wheels.items()}
+        self._bases = {name: Base(name, driven, dead_man, limits.get(name)) for name, driven in wheels.items()}
         only = next(iter(wheels)) if len(wheels) == 1 else "*"
         self._commands = bus.latest(channels.CMD_VEL, only)
         self._odometry = {name: bus.publisher(channels.ODOMETRY, name) for name in wheels}
@@ -79,7 +88,13 @@ class _Bases:
                 self._states[name].put(state)
 
 
-async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock, dead_man: float = DEAD_MAN) -> None:
+async def run_bases(
+    bus: Bus,
+    wheels: Mapping[str, Wheels],
+    clock: Clock,
+    dead_man: float = DEAD_MAN,
+    limits: Mapping[str, WheelLimits] = MappingProxyType({}),
+) -> None:
     """Run the bases of several robots until cancelled.
 
     Args:
@@ -87,11 +102,19 @@ async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock, dead_m
         wheels: the wheels, by the robot's name.
         clock: for ages.
         dead_man: maximum age of a command that the wheels follow [s].
+        limits: of the wheels, by the robot's name, to notice that somebody else turns them.
     """
-    await _Bases(bus, wheels, clock, dead_man).run()
+    await _Bases(bus, wheels, clock, dead_man, limits).run()
 
 
-async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock, dead_man: float = DEAD_MAN) -> None:
+async def run_base(
+    bus: Bus,
+    name: str,
+    wheels: Wheels,
+    clock: Clock,
+    dead_man: float = DEAD_MAN,
+    limits: WheelLimits | None = None,
+) -> None:
     """Run one robot's base until cancelled.
 
     Args:
@@ -100,8 +123,9 @@ async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock, dead_man: 
         wheels: the robot's wheels.
         clock: for ages.
         dead_man: maximum age of a command that the wheels follow [s].
+        limits: of the wheels, to notice that somebody else turns them; None where they are not known.
     """
-    await run_bases(bus, {name: wheels}, clock, dead_man)
+    await run_bases(bus, {name: wheels}, clock, dead_man, {name: limits} if limits is not None else {})
 
 
 async def run_base_process(scenario: Scenario, name: str) -> None:
@@ -125,4 +149,4 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
         wheels = make_wheels(robot, bus.clock)
         bus.announce(Role.BASE, name)
         ready("base", name)
-        await run_base(bus, name, wheels, bus.clock, scenario.timeouts.command)
+        await run_base(bus, name, wheels, bus.clock, scenario.timeouts.command, robot.wheels)

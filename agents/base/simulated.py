@@ -11,7 +11,7 @@ from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.elementwise import Array
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.simulation.starts import random_starts
+from muro_zenoh.simulation.starts import starts_of
 
 STEP = 0.01
 """Step of the plant [s]."""
@@ -122,7 +122,7 @@ class SimulatedWheels:
 
 
 def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: bool = True) -> Plant:
-    """The robots of a scenario, anywhere in its arena.
+    """The robots of a scenario, at its starts, or anywhere in its arena.
 
     Args:
         scenario: the settings.
@@ -136,7 +136,7 @@ def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: 
     radii = np.array([robot.radius for robot in robots])
     margin = max(scenario.separation.margin, scenario.separation.wall_margin)
     return Plant(
-        random_starts(rng, len(robots), scenario.arena, radii, margin),
+        starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii, margin),
         rng,
         limits=[robot.wheels for robot in robots],
         radius=radii,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from basestation.fleet.doubts import Doubts
 from muro_zenoh import channels
 from muro_zenoh.config import TIMEOUTS
 from muro_zenoh.geometry import Pose2, wrap_to_pi
@@ -51,6 +52,7 @@ class FleetTable:
         self._stale_after = stale_after
         self._rows: dict[str, _Row] = {}
         self._motions: dict[str, Motion] = {}
+        self._doubts = Doubts()
 
     def fix(self, name: str, pose: Pose2, captured: float) -> None:
         """Take what a camera saw.
@@ -63,6 +65,7 @@ class FleetTable:
         row = self._rows.get(name)
         if row is None or captured >= row.captured:
             self._rows[name] = _Row(pose, captured)
+            self._doubts.saw(name, pose, captured)
 
     def estimate(self, name: str, motion: Motion) -> None:
         """Take a robot's own estimate.
@@ -72,6 +75,7 @@ class FleetTable:
             motion: the estimate.
         """
         self._motions[name] = motion
+        self._doubts.said(name, motion.v, motion.omega, motion.arrival)
 
     def clear(self, name: str) -> bool:
         """Forget where a robot was last seen.
@@ -83,6 +87,7 @@ class FleetTable:
             Whether it was known.
         """
         self._motions.pop(name, None)
+        self._doubts.forget(name)
         return self._rows.pop(name, None) is not None
 
     def knows(self, name: str) -> bool:
@@ -92,6 +97,25 @@ class FleetTable:
             name: of the robot.
         """
         return name in self._rows
+
+    def doubts(self, now: float) -> dict[str, str]:
+        """The robots that are seen, but not where and not moving as they say; each with what is wrong, in words.
+
+        Args:
+            now: the time to which ages are counted [s].
+        """
+        found = {}
+        for name, row in self._rows.items():
+            motion = self._motions.get(name)
+            if motion is None or now - max(motion.arrival, row.captured) > channels.ESTIMATE.stale_after:
+                continue
+            if not _agree(row, motion):
+                apart = math.hypot(motion.pose.x - row.pose.x, motion.pose.y - row.pose.y)
+                turned = math.degrees(abs(wrap_to_pi(motion.pose.theta - row.pose.theta)))
+                found[name] = f"{name} is not where it says ({apart:.2f} m and {turned:.0f} degrees off)"
+            elif doubt := self._doubts.of(name):
+                found[name] = doubt
+        return found
 
     def snapshot(self, now: float) -> tuple[RobotState, ...]:
         """All robots that were ever seen, by name.

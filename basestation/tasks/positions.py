@@ -29,6 +29,8 @@ class PositionsTask:
         stale_frames: number of frames that arrived too late.
         received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
         complaints: problems in the newest frame of each camera, by the camera's name.
+        doubts: the robots that are not what they say, each with what is wrong, in words.
+        doubted: set when another robot is doubted, for the health report.
     """
 
     def __init__(self, bus: Bus, robots: Iterable[str], stale_after: float = STALE_AFTER) -> None:
@@ -37,6 +39,8 @@ class PositionsTask:
         self.stale_frames = 0
         self.received_at: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
+        self.doubts: dict[str, str] = {}
+        self.doubted = asyncio.Event()
         self._clock = bus.clock
         self._table = FleetTable(stale_after)
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
@@ -117,3 +121,6 @@ class PositionsTask:
             self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.arrival - estimate.delay))
         now = self._published = self._clock.now()
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
+        before, self.doubts = self.doubts, self._table.doubts(now)
+        if self.doubts.keys() - before.keys():
+            self.doubted.set()

@@ -193,7 +193,8 @@ class VirtualFleet:
             process.killed = cut
             for name in names:
                 bus.announce(Role.BASE, name)
-            return run_bases(bus, wheels, bus.clock, self.scenario.timeouts.command)
+            limits = {name: self.scenario.robot[name].wheels for name in names}
+            return run_bases(bus, wheels, bus.clock, self.scenario.timeouts.command, limits)
 
         process = self.add(process_name, put, (Role.BASE,), names, self.witnesses.of_bases(names))
 

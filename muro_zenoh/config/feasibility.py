@@ -45,6 +45,8 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     fleet = [s.vehicle(name) for name in s.robot]
     check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle)
     _check_goals(s, origin)
+    _check_starts(s, origin)
+    _check_orders(s, origin)
 
 
 def _check_timeouts(s: Scenario, origin: Origin) -> None:
@@ -100,6 +102,44 @@ def _check_last_goals(s: Scenario, origin: Origin) -> None:
                 got=f"a last goal {apart:.3f} m from that of {a}",
                 expected=f"at least {least:g} m between the centres of two robots",
             )
+
+
+def _check_starts(s: Scenario, origin: Origin) -> None:
+    if not s.starts:
+        return
+    for name in s.robot:
+        if name not in s.starts:
+            raise ConfigError(origin.at("starts"), got=f"none of {name}", expected="those of all robots, or of none")
+        x, y, _ = s.starts[name]
+        try:
+            require_inside(f"starts.{name}", x, y, s.arena, s.robot[name].radius)
+        except ParameterError as error:
+            raise config_error(error, origin, "") from None
+    for one, other in combinations(s.robot, 2):
+        least = s.robot[one].radius + s.robot[other].radius
+        if (apart := math.dist(s.starts[one][:2], s.starts[other][:2])) < least:
+            raise ConfigError(
+                origin.at(f"starts.{other}"), got=f"{apart:.3f} m from {one}", expected=f"at least {least:g} m"
+            )
+
+
+def _check_orders(s: Scenario, origin: Origin) -> None:
+    for index, order in enumerate(s.orders):
+        where = f"order[{index}]"
+        for name in order.robots:
+            if name not in s.robot:
+                raise ConfigError(
+                    origin.at(f"{where}.robots"), got=repr(name), expected=f"some of {', '.join(s.robot)}"
+                )
+        if (order.kind == "behaviour") != bool(order.behaviour):
+            raise ConfigError(
+                origin.at(f"{where}.behaviour"),
+                got=repr(order.behaviour),
+                expected="the name of one" if order.kind == "behaviour" else f"none for a {order.kind}",
+            )
+        if order.behaviour:
+            fleet = [s.vehicle(name) for name in order.robots or s.robot]
+            check_settings(order.behaviour, order.parameters, origin, fleet, s.circle)
 
 
 def _check_separation(s: Scenario, origin: Origin) -> None:

@@ -10,6 +10,7 @@ from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.faults import Fault
+from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.schema import Section
 from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
 from muro_zenoh.estimation.wheel_model import WheelLimits
@@ -33,6 +34,7 @@ from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
+StartRow = Annotated[tuple[Number, ...], Meta(min_length=3, max_length=3)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
 LocalPoint = Annotated[str, Meta(pattern=r"^(tcp/(127(\.\d{1,3}){3}|localhost|\[::1\]):\d{1,5}|unixsock-stream/.+)$")]
@@ -219,6 +221,8 @@ class Scenario(Section, frozen=True, kw_only=True):
         faults: what breaks during the run, from ``[[fault]]``.
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
+        starts: poses ``[x, y, theta]`` [m, world; rad] of the simulated robots by name; empty for random ones.
+        orders: what an operator orders during a check, and when, from ``[[order]]``.
         timeouts: how old what a robot drives by may be.
         separation: how robots keep apart.
     """
@@ -236,22 +240,26 @@ class Scenario(Section, frozen=True, kw_only=True):
     faults: tuple[Fault, ...] = field(default=(), name="fault")
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
+    starts: dict[Name, StartRow] = field(default_factory=dict)
+    orders: tuple[OrderRow, ...] = field(default=(), name="order")
     timeouts: Timeouts = TIMEOUTS
     separation: SeparationSettings = SeparationSettings()
 
-    def behaviour_of(self, name: str) -> BehaviourSettings:
-        """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.
+    def behaviour_of(self, name: str, behaviour: BehaviourSettings | None = None) -> BehaviourSettings:
+        """A robot's behaviour: the common one, with the robot's own goals among the parameters.
 
         Args:
             name: of the robot.
+            behaviour: the common one; None for the initial one.
         """
+        common = behaviour or self.behaviour
         goals = self.goals.get(name)
-        if not goals or ":" in self.behaviour.name:  # a user's own is loaded where it runs
-            return self.behaviour
-        kind = table.find(self.behaviour.name)
+        if not goals or ":" in common.name:  # a user's own is loaded where it runs
+            return common
+        kind = table.find(common.name)
         if not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
-            return self.behaviour
-        return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
+            return common
+        return BehaviourSettings(name=common.name, parameters={**common.parameters, "goals": goals})
 
     def vehicle(self, name: str) -> Vehicle:
         """A robot as input of its behaviour.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +14,35 @@ from muro_zenoh.safety.separation import SeparationSettings
 
 _TRIES = 400
 _LAYOUTS = 50
+
+
+def starts_of(
+    given: Mapping[str, Sequence[float]],
+    names: Sequence[str],
+    rng: np.random.Generator,
+    bounds: Bounds,
+    radii: Array,
+    margin: float,
+) -> Array:
+    """The poses at which robots start: the given ones, or random ones.
+
+    Args:
+        given: x, y [m, world], theta [rad] by name, of all robots or of none.
+        names: the robots.
+        rng: the generator.
+        bounds: the arena.
+        radii: of the bodies (n,) [m].
+        margin: of random poses: minimum gap between two bodies, and between a body and a wall [m].
+
+    Returns:
+        (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
+
+    Raises:
+        PlanningError: the robots do not fit.
+    """
+    if given:
+        return np.array([given[name] for name in names], dtype=np.float64)
+    return random_starts(rng, len(names), bounds, radii, margin)
 
 
 def random_starts(
