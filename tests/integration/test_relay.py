@@ -1,0 +1,230 @@
+"""The relay between a process and the router, on real sockets: what passes, when, and what is lost."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+
+import pytest
+
+from muro_zenoh.supervision.relay import GOOD, HOST, Conditions, Passage, Relay
+from tests.support.waiting import within
+
+
+class Echo:
+    """A server that sends back what it receives, and counts it."""
+
+    def __init__(self) -> None:
+        self.received = b""
+        self.connections = 0
+        self.writers: list[asyncio.StreamWriter] = []
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.connections += 1
+        self.writers.append(writer)
+        try:
+            while data := await reader.read(65536):
+                self.received += data
+                writer.write(data)
+                await writer.drain()
+        except ConnectionError:
+            pass
+        finally:
+            writer.close()
+
+
+Dial = Callable[[], Awaitable[tuple[asyncio.StreamReader, asyncio.StreamWriter]]]
+
+
+@asynccontextmanager
+async def relayed() -> AsyncIterator[tuple[Echo, Relay, Dial]]:
+    """An echo behind a relay, and how to connect to it; all connections are closed at the end of the block."""
+    echo = Echo()
+    server = await asyncio.start_server(echo.serve, HOST, 0)
+    writers: list[asyncio.StreamWriter] = []
+    async with Relay(seed=3) as relay:
+        relay.lead_to(*server.sockets[0].getsockname())
+
+        async def dial() -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+            host, _, port = relay.endpoint.removeprefix("tcp/").partition(":")
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writers.append(writer)
+            return reader, writer
+
+        try:
+            yield echo, relay, dial
+        finally:
+            for writer in (*writers, *echo.writers):
+                writer.close()
+            server.close()
+            await asyncio.sleep(0.01)
+
+
+async def ended(reader: asyncio.StreamReader) -> bool:
+    """Whether a connection has ended, with or without a reset."""
+    try:
+        return await within(5, reader.read(), "the end of the connection") == b""
+    except ConnectionError:
+        return True
+
+
+async def echoed(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, data: bytes) -> float:
+    """Send, and receive it back; how long that took [s]."""
+    began = time.monotonic()
+    writer.write(data)
+    assert await within(10, reader.readexactly(len(data)), "an echo") == data
+    return time.monotonic() - began
+
+
+async def test_a_good_link_passes_everything_and_waits_for_nothing() -> None:
+    async with relayed() as (echo, relay, dial):
+        reader, writer = await dial()
+        large = bytes(range(256)) * 40_000  # 10 MB: more than all buffers of the sockets
+        await echoed(reader, writer, large)
+        assert echo.received == large
+        assert all(end._timer is None and not end._waiting for end in relay.ends)
+        writer.close()
+        await within(5, until(lambda: not relay.ends), "both ends are closed")
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    while not condition():
+        await asyncio.sleep(0.005)
+
+
+async def test_a_delay_applies_in_both_directions_and_jitter_keeps_the_order() -> None:
+    async with relayed() as (_, relay, dial):
+        reader, writer = await dial()
+        relay.set(Conditions(delay=0.05, jitter=0.04))
+        assert await echoed(reader, writer, b"there and back") >= 2 * (0.05 - 0.04)
+        relay.set(Conditions(delay=0.1))
+        assert await echoed(reader, writer, b"there and back") >= 0.2
+        relay.set(Conditions(delay=0.02, jitter=0.02))
+        expected = b""
+        for number in range(60):
+            piece = f"{number}\n".encode()
+            writer.write(piece)
+            expected += piece
+            await asyncio.sleep(0.001)
+        # Without the delay what comes next must still not overtake what is under way.
+        relay.set(GOOD)
+        writer.write(b"last")
+        expected += b"last"
+        assert await within(10, reader.readexactly(len(expected)), "everything in order") == expected
+
+
+def test_the_same_seed_draws_the_same_delays_within_their_limits() -> None:
+    drawn = []
+    for seed in (1, 1, 2):
+        relay = Relay(seed)
+        relay.set(Conditions(delay=0.1, jitter=0.05))
+        drawn.append([relay.delay() for _ in range(500)])
+    assert drawn[0] == drawn[1] != drawn[2]
+    assert 0.05 <= min(drawn[0]) < 0.06
+    assert 0.14 < max(drawn[0]) <= 0.15
+    relay.set(Conditions(delay=0.01, jitter=0.05))
+    assert min(relay.delay() for _ in range(500)) == 0.0
+
+
+async def test_a_stall_keeps_everything_and_delivers_it_at_its_end() -> None:
+    async with relayed() as (echo, relay, dial):
+        reader, writer = await dial()
+        await echoed(reader, writer, b"before")
+        relay.set(Conditions(passage=Passage.STALLED))
+        writer.write(b"during")
+        await asyncio.sleep(0.05)
+        assert echo.received == b"before"
+        relay.set(GOOD)
+        assert await within(5, reader.readexactly(6), "what was stalled") == b"during"
+        assert echo.connections == 1
+
+
+async def test_what_waits_when_a_stall_begins_is_kept_too() -> None:
+    async with relayed() as (echo, relay, dial):
+        reader, writer = await dial()
+        await echoed(reader, writer, b"before")
+        relay.set(Conditions(delay=0.03))
+        writer.write(b"under way")
+        await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
+        relay.set(Conditions(passage=Passage.STALLED))
+        await asyncio.sleep(0.1)
+        assert echo.received == b"before"
+        relay.set(GOOD)
+        assert await within(5, reader.readexactly(9), "what was under way") == b"under way"
+
+
+async def test_nothing_crosses_a_partition_not_even_what_was_under_way() -> None:
+    async with relayed() as (echo, relay, dial):
+        reader, writer = await dial()
+        await echoed(reader, writer, b"before")
+        relay.set(Conditions(delay=0.05))
+        writer.write(b"under way")
+        await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
+        relay.set(Conditions(passage=Passage.PARTITIONED))
+        writer.write(b"during")
+        late_reader, _ = await dial()  # as on a real network, nobody refuses it
+        await asyncio.sleep(0.1)
+        assert not reader.at_eof(), "neither side is notified"
+        assert not late_reader.at_eof()
+        relay.set(GOOD)
+        assert await ended(reader)
+        assert await ended(late_reader)
+        reader, writer = await dial()
+        await echoed(reader, writer, b"after")
+        assert echo.received == b"beforeafter"
+        assert echo.connections == 2
+
+
+async def test_a_reset_link_ends_connections_and_refuses_new_ones() -> None:
+    async with relayed() as (echo, relay, dial):
+        reader, writer = await dial()
+        await echoed(reader, writer, b"before")
+        relay.set(Conditions(passage=Passage.RESET))
+        assert await ended(reader)
+        reader, _ = await dial()
+        assert await ended(reader)
+        relay.set(GOOD)
+        await echoed(*await dial(), b"after")
+        assert echo.received == b"beforeafter"
+
+
+async def test_a_process_whose_router_is_down_is_refused_and_may_try_again() -> None:
+    async with relayed() as (_, relay, dial):
+        there = relay._router
+        relay.lead_to(HOST, 1)
+        reader, _ = await dial()
+        assert await ended(reader)
+        relay.lead_to(*there)
+        await echoed(*await dial(), b"there it is")
+
+
+async def test_a_router_that_ends_ends_the_connection_and_the_other_way_round() -> None:
+    async with relayed() as (echo, relay, dial):
+        reader, writer = await dial()
+        await echoed(reader, writer, b"before")
+        echo.writers[0].close()
+        assert await ended(reader)
+        reader, writer = await dial()
+        await echoed(reader, writer, b"again")
+        writer.close()
+        await within(5, until(lambda: not relay.ends), "the router's end is closed")
+
+
+@pytest.mark.parametrize("delay", [0.0, 5.0])
+async def test_a_reader_that_does_not_read_slows_its_writer_and_fills_no_memory(
+    delay: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("muro_zenoh.supervision.relay._MOST_WAITING", 100_000)
+    async with relayed() as (_, relay, dial):
+        _, writer = await dial()
+        await within(5, until(lambda: len(relay.ends) == 2), "it is connected")
+        relay.set(Conditions(delay=delay))
+        writer.write(bytes(40_000_000))  # nobody reads the echo
+        await asyncio.sleep(0.3)
+        for end in relay.ends:
+            assert end._size <= 100_000 + 65536 * 8
+            assert end._transport.get_write_buffer_size() < 1_000_000
+        assert writer.transport.get_write_buffer_size() > 10_000_000
+        writer.transport.abort()
