@@ -11,6 +11,7 @@ import msgspec
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.descriptions import show
+from muro_zenoh.config.fault_rows import read_faults
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.files import read_file
 from muro_zenoh.config.origin import Origin
@@ -43,7 +44,19 @@ _SECTIONS: Final[dict[str, Any]] = {
 }
 """The sections that are one value each, with their defaults."""
 
-_TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
+_TOP = (
+    "fleet",
+    "description",
+    "duration",
+    "robots",
+    "all",
+    "robot",
+    "camera",
+    "behaviour",
+    "goals",
+    "fault",
+    *_SECTIONS,
+)
 
 
 def load_scenario(
@@ -88,17 +101,19 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         _name(key, origin, f"camera.{key}"): read_section(CameraSettings, value, origin, f"camera.{key}")
         for key, value in _table(table, "camera", origin).items()
     }
+    robot = _robots(table, origin, robots)
     scenario = Scenario(
         name=name,
         description=read_value(str, table.get("description", ""), origin, "description"),
         duration=read_value(Period, table.get("duration", 60.0), origin, "duration"),
-        robot=_robots(table, origin, robots),
+        robot=robot,
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", origin), origin),
         goals={
             _name(key, origin, f"goals.{key}"): read_value(tuple[GoalRow, ...], rows, origin, f"goals.{key}")
             for key, rows in _table(table, "goals", origin).items()
         },
+        faults=read_faults(table.get("fault", []), origin, robot, cameras),
         **sections,
     )
     check_feasible(scenario, origin)
@@ -163,4 +178,6 @@ def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list):
+        return [_without_none(item) for item in value]
     return value

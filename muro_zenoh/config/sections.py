@@ -9,6 +9,7 @@ from msgspec import Meta, field
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
+from muro_zenoh.config.faults import Fault
 from muro_zenoh.config.schema import Section
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
@@ -203,6 +204,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         bus: how to connect to the other processes.
         behaviour: the initial behaviour of every robot.
         goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
+        faults: what breaks during the run, from ``[[fault]]``.
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
     """
@@ -217,6 +219,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
     goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = field(default=(), name="fault")
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
 
