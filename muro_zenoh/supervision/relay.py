@@ -1,4 +1,4 @@
-"""A TCP relay between a process and the router, whose link can be delayed, stalled, partitioned or reset.
+"""A TCP relay between a process and the router, whose link can be delayed, stalled and partitioned.
 
 A stream of TCP loses and reorders nothing, so neither can the relay. What waits in it stays in order: a piece that is
 delayed by less than the one before it leaves with that one, as in a real network. An idle relay costs nothing, and one
@@ -8,12 +8,12 @@ without faults hands each piece on as it comes.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import enum
 import random
 from collections import deque
 from dataclasses import dataclass
 from types import TracebackType
+from typing import cast
 
 HOST = "127.0.0.1"
 
@@ -22,7 +22,7 @@ _MOST_WAITING = 32_000_000
 
 
 class Passage(enum.IntEnum):
-    """What passes a link, the worst last."""
+    """What passes a link in one direction, the worst last."""
 
     OPEN = 0
     """Everything."""
@@ -30,17 +30,15 @@ class Passage(enum.IntEnum):
     """Nothing for now; everything late, when it opens again."""
     PARTITIONED = 2
     """Nothing, and neither side is notified. What was under way is lost: when it opens again, connections are reset."""
-    RESET = 3
-    """Nothing: connections are reset, and new ones as soon as they are made."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The state of a link, the same in both directions.
+    """The state of a link in one direction.
 
     Attributes:
-        delay: mean delay of each piece [s].
-        jitter: each piece's own delay differs from it by up to this [s].
+        delay: least delay of each piece [s].
+        jitter: the longest of the random, uniform times that are added to it [s].
         passage: what passes.
     """
 
@@ -58,10 +56,15 @@ class Relay:
 
     Args:
         seed: of the jitter.
+
+    Attributes:
+        inward: the state of the link from the router to the process.
+        outward: the same, from the process to the router.
+        ends: the ends of its connections, for :class:`_End` and for tests.
     """
 
     def __init__(self, seed: int = 1) -> None:
-        self.conditions = GOOD
+        self.inward = self.outward = GOOD
         self.ends: set[_End] = set()
         self._random = random.Random(seed)
         self._router = HOST, 0
@@ -73,6 +76,11 @@ class Relay:
         host, port = self._server.sockets[0].getsockname()
         return f"tcp/{host}:{port}"
 
+    @property
+    def partitioned(self) -> bool:
+        """Whether what is sent in one of the directions is lost."""
+        return Passage.PARTITIONED in (self.inward.passage, self.outward.passage)
+
     def lead_to(self, host: str, port: int) -> None:
         """Connect the process to this router from now on.
 
@@ -82,23 +90,27 @@ class Relay:
         """
         self._router = host, port
 
-    def set(self, conditions: Conditions) -> None:
+    def set(self, inward: Conditions, outward: Conditions) -> None:
         """Change the state of the link.
 
         Args:
-            conditions: its state from now on.
+            inward: from the router to the process, from now on.
+            outward: from the process to the router, from now on.
         """
-        before, self.conditions = self.conditions, conditions
-        healed = before.passage is Passage.PARTITIONED and conditions.passage is not Passage.PARTITIONED
-        if healed or conditions.passage is Passage.RESET:
+        was_partitioned = self.partitioned
+        self.inward, self.outward = inward, outward
+        if was_partitioned and not self.partitioned:
             self._reset()
         for end in list(self.ends):
             end.adapt()
 
-    def delay(self) -> float:
-        """The delay of one piece, drawn anew each time [s]."""
-        delay, jitter = self.conditions.delay, self.conditions.jitter
-        return max(0.0, delay + self._random.uniform(-jitter, jitter)) if jitter else delay
+    def delay(self, conditions: Conditions) -> float:
+        """The delay of one piece, drawn anew each time [s].
+
+        Args:
+            conditions: of its direction.
+        """
+        return conditions.delay + self._random.uniform(0.0, conditions.jitter)
 
     async def __aenter__(self) -> Relay:
         loop = asyncio.get_running_loop()
@@ -146,6 +158,8 @@ class _End(asyncio.Protocol):
     def __init__(self, relay: Relay, other: _End | None = None) -> None:
         self._relay = relay
         self._other = other
+        self._inward = other is None
+        self._early: list[bytes] = []
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._size = 0
@@ -155,27 +169,30 @@ class _End(asyncio.Protocol):
         self._ending = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        # uvloop's transports have the interface, not the class.
+        self._transport = transport = cast(asyncio.Transport, transport)
         self._relay.ends.add(self)
         other = self._other
         if other is None:  # the process has connected
-            if self._relay.conditions.passage is Passage.RESET:
-                self.abort()
-                return
             transport.pause_reading()
-            if self._relay.conditions.passage is not Passage.PARTITIONED:
+            if not self._relay.partitioned:
                 self._relay.connect(self)
         elif other not in self._relay.ends:  # the process has left
             self.abort()
         else:
             other._other = self
+            for data in other._early:
+                self.send(data)
+            other._early.clear()
             self.adapt()
             other.adapt()
 
     def data_received(self, data: bytes) -> None:
         if self._other is not None:
             self._other.send(data)
+        else:  # not yet connected; uvloop reads on although connection_made() has paused it
+            self._early.append(data)
+            self._transport.pause_reading()
 
     def connection_lost(self, error: Exception | None) -> None:
         self._relay.ends.discard(self)
@@ -196,11 +213,12 @@ class _End(asyncio.Protocol):
 
     def send(self, data: bytes) -> None:
         """Send a piece through this end when it is due."""
-        if not self._waiting and self._relay.conditions == GOOD:
+        conditions = self._conditions
+        if not self._waiting and conditions == GOOD:
             self._transport.write(data)
             return
         # Not before the piece before it: a stream keeps its order.
-        self._latest = max(self._latest, self._loop.time() + self._relay.delay())
+        self._latest = max(self._latest, self._loop.time() + self._relay.delay(conditions))
         self._waiting.append((self._latest, data))
         self._size += len(data)
         if self._size > _MOST_WAITING:
@@ -221,11 +239,11 @@ class _End(asyncio.Protocol):
 
     def adapt(self) -> None:
         """Adapt to the state of the link, and of the other end."""
-        passage, other = self._relay.conditions.passage, self._other
-        if passage is Passage.PARTITIONED:
+        other = self._other
+        if self._conditions.passage is Passage.PARTITIONED:
             self._waiting.clear()
             self._size = 0
-        if passage is Passage.OPEN and other is not None and not other._choked and other._size <= _MOST_WAITING:
+        if other is not None and other._takes_more:
             self._transport.resume_reading()
         else:
             self._transport.pause_reading()
@@ -234,12 +252,22 @@ class _End(asyncio.Protocol):
 
     # ---- the queue
 
+    @property
+    def _conditions(self) -> Conditions:
+        """Those of what leaves through this end."""
+        return self._relay.inward if self._inward else self._relay.outward
+
+    @property
+    def _takes_more(self) -> bool:
+        open_ = self._conditions.passage is Passage.OPEN
+        return open_ and not self._choked and self._size <= _MOST_WAITING
+
     def _adapt_other(self) -> None:
         if self._other is not None and self._other in self._relay.ends:
             self._other.adapt()
 
     def _set_timer(self) -> None:
-        if self._timer is None and self._waiting and self._relay.conditions.passage is Passage.OPEN:
+        if self._timer is None and self._waiting and self._conditions.passage is Passage.OPEN:
             self._timer = self._loop.call_at(self._waiting[0][0], self._flush)
 
     def _stop_timer(self) -> None:
