@@ -14,7 +14,6 @@ import pytest
 from muro_zenoh.supervision.relay import GOOD, HOST, Conditions, Passage, Relay
 from tests.support.waiting import within
 
-
 Test = Callable[..., Coroutine[Any, Any, None]]
 
 
