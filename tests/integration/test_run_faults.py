@@ -37,6 +37,8 @@ def children(process: Process) -> list[psutil.Process]:
 
 def all_gone(processes: list[psutil.Process]) -> bool:
     gone, left = psutil.wait_procs(processes, timeout=seconds(5))
+    for process in left:
+        process.kill()  # a frozen one would stay for ever
     return len(gone) == len(processes) and not left
 
 
