@@ -38,7 +38,7 @@ class Station:
     def __init__(self, bus: Bus, scenario: Scenario, state: Path | None, sources: Sequence[SightingSource]) -> None:
         self.store = StateStore(scenario, state)
         self._sources = sources
-        self._positions = PositionsTask(bus, scenario.robots)
+        self._positions = PositionsTask(bus, scenario.robots, scenario.timeouts.pose)
         self._kept = KeptStateTask(bus, self.store)
         self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
         self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))

@@ -71,7 +71,8 @@ class Channel(Generic[M_co]):
         delivery: what a reader gets.
         rate: how often each key is written [Hz]; None for events.
         pacing: when it is written, where that is more than a fixed rate.
-        stale_after: age above which its value must not be used [s]; infinite where age does not matter.
+        stale_after: age above which its value must not be used [s]; infinite where age does not matter. A fleet file
+            may set others for what robots drive by: :class:`~muro_zenoh.config.Timeouts`.
         priority: its priority.
         named: what the third word of the key names; empty when the channel has one key only.
         ros: the topic it replaces.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from muro_zenoh import messages as m
 from muro_zenoh.channels.kinds import Channel, Party, Priority, Role, Verb
+from muro_zenoh.config import TIMEOUTS
 
 CONTROL: Final = Party(Role.AGENT, "control")
 VISION: Final = Party(Role.BASESTATION, "vision")
@@ -37,7 +38,7 @@ POSE = Channel(
     delivery="every",
     rate=20.0,
     pacing="each frame that shows the robot",
-    stale_after=0.4,
+    stale_after=TIMEOUTS.pose,
     priority=Priority.HIGH,
     ros="amcl_pose",
 )
@@ -80,7 +81,7 @@ ALL_POSITIONS = Channel(
     delivery="newest",
     rate=20.0,
     pacing="each fused frame, 5 Hz at least",
-    stale_after=0.5,
+    stale_after=TIMEOUTS.snapshot,
     priority=Priority.HIGH,
     named="",
     ros="/all_positions",
@@ -105,7 +106,7 @@ CMD_VEL = Channel(
     delivery="newest",
     rate=20.0,
     pacing="each estimate; repeated when there is none",
-    stale_after=0.3,
+    stale_after=TIMEOUTS.command,
     priority=Priority.REAL_TIME,
     ros="mobile_base/commands/velocity",
     note="when the last one is stale, the base's dead-man zeroes the wheels",
@@ -167,6 +168,7 @@ BASE = Channel(
     delivery="newest",
     rate=2.0,
     pacing="and on change",
+    stale_after=1.5,
 )
 HEALTH = Channel(
     word="health",

@@ -118,7 +118,7 @@ def table_of(view: View) -> Any:
             _number(row.command_rate, ".1f"),
             _number(row.calibrated.cal0, ".3f"),
             _number(row.calibrated.calD, ".3f"),
-            row.reasons,
+            row.reasons or row.note,
         )
     return table
 

@@ -249,7 +249,7 @@ def test_a_foreign_programs_estimates_do_not_reach_a_behaviour(own: None) -> Non
     run_virtually(main())
 
 
-def test_a_robot_whose_poses_end_is_commanded_zero_0_4_s_after_the_last_capture() -> None:
+def test_a_robot_whose_poses_end_is_commanded_zero_0_25_s_after_the_last_capture() -> None:
     async def main() -> None:
         async with driving() as fleet:
             fixes = (await fleet.bus()).every(channels.POSE, "r1", depth=1024)
@@ -258,6 +258,6 @@ def test_a_robot_whose_poses_end_is_commanded_zero_0_4_s_after_the_last_capture(
             await asyncio.sleep(1.0)
             captured = max(f.message.stamp - f.message.age for f in fixes.drain())
             driven = [c.message.stamp - captured for c in commands.drain() if c.message.v]
-            assert 0.4 - 0.075 - 0.01 < driven[-1] <= 0.4
+            assert 0.25 - 0.075 - 0.01 < driven[-1] <= 0.25
 
     run_virtually(main())
