@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from agents.base.run import run_bases
-from agents.base.simulated import Floor, SimulatedWheels
+from agents.base.simulated import Floor, SimulatedWheels, make_plant
 from agents.distant_floor import DistantFloor
 from agents.simulated_camera import Scene, SimulatedCamera
 from muro_zenoh import channels
@@ -21,8 +21,6 @@ from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
-from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
@@ -45,15 +43,7 @@ class Room:
     def __init__(
         self, bus: Bus, scenario: Scenario, seed: int, executor: Executor, cameras: Collection[str] | None = None
     ) -> None:
-        rng = np.random.default_rng(seed)
-        robots = list(scenario.robot.values())
-        hidden = scenario.simulation
-        radii = np.array([robot.radius for robot in robots])
-        starts = random_starts(
-            rng, len(robots), scenario.arena, radii, max(scenario.separation.margin, scenario.separation.wall_margin)
-        )
-        limits = [robot.wheels for robot in robots]
-        self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
+        self.plant = make_plant(scenario, np.random.default_rng(seed))
         self.floor = Floor(self.plant, bus.clock, scenario.timeouts.command)
         self.cameras = {
             name: make_camera(bus, scenario, name, self.floor, seed, executor)

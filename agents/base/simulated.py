@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.base.wheels import WheelReading
-from muro_zenoh.config import RobotSettings
+from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.elementwise import Array
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import random_starts
 
 log = logging.getLogger(__name__)
 
@@ -81,8 +82,7 @@ class Floor:
             self._time += behind - _MAX_CATCH_UP
             behind = _MAX_CATCH_UP
         for _ in range(int(behind / STEP)):
-            self.commands[self._time - self._given > self._watchdog] = 0.0
-            self._plant.step(self.commands, STEP)
+            self._step()
             self._time += STEP
         self._readings = []
         return self._time
@@ -102,6 +102,11 @@ class Floor:
         self.catch_up()  # the old command applied until now
         self.commands[row] = v, omega
         self._given[row] = self._clock.now()
+
+    def _step(self) -> None:
+        """Advance the plant by one step."""
+        self.commands[self._time - self._given > self._watchdog] = 0.0
+        self._plant.step(self.commands, STEP)
 
     def reading(self, row: int) -> WheelReading:
         """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edges.
@@ -147,6 +152,31 @@ class SimulatedWheels:
     def read(self) -> WheelReading:
         """What the encoders of nominal wheels report."""
         return self._floor.reading(self._row)
+
+
+def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: bool = True) -> Plant:
+    """The robots of a scenario, anywhere in its arena.
+
+    Args:
+        scenario: the settings.
+        rng: draws the starts, the hidden drive errors and the slip.
+        count_contacts: whether the plant counts them.
+
+    Raises:
+        PlanningError: the robots do not fit into the arena.
+    """
+    robots = list(scenario.robot.values())
+    radii = np.array([robot.radius for robot in robots])
+    apart = scenario.separation
+    return Plant(
+        random_starts(rng, len(robots), scenario.arena, radii, max(apart.margin, apart.wall_margin)),
+        rng,
+        limits=[robot.wheels for robot in robots],
+        radius=radii,
+        drive_error=scenario.simulation.drive_error,
+        slip=scenario.simulation.slip,
+        count_contacts=count_contacts,
+    )
 
 
 def make_wheels(robot: RobotSettings, clock: Clock) -> SimulatedWheels:

@@ -51,18 +51,18 @@ class Bus:
         realm: the first word of every key.
         roles: of this process: what it may publish, ask, answer and announce.
         clock: for stamps and arrival times.
+        epoch: this process's number; drawn at random for each bus, but where a run is to be repeated.
 
     Attributes:
-        epoch: this process's number; drawn at random for each bus.
+        epoch: this process's number.
         counters: what became of the messages, by the channel's word.
     """
 
-    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock) -> None:
+    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock, epoch: int | None = None) -> None:
         self.realm = check_realm(realm)
         self.roles = frozenset(roles)
         self.clock = clock
-        # 48 bits: exact in every language's numbers
-        self.epoch = random.SystemRandom().getrandbits(48) | 1
+        self.epoch = draw_epoch(random.SystemRandom()) if epoch is None else epoch
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
         self._link = link
         self._loop = asyncio.get_running_loop()
@@ -304,11 +304,30 @@ class Bus:
         await self.close()
 
 
+def draw_epoch(rng: random.Random) -> int:
+    """The number of a process that starts.
+
+    Args:
+        rng: the generator.
+
+    Returns:
+        Not 0, and of 48 bits: exact in every language's numbers.
+    """
+    return rng.getrandbits(48) | 1
+
+
 def _either(roles: Iterable[Role]) -> str:
     return " or ".join(sorted(roles))
 
 
-def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROLES, clock: Clock | None = None) -> Bus:
+def make_bus(
+    link: Link,
+    realm: str = "muro",
+    *,
+    roles: Iterable[Role] = ALL_ROLES,
+    clock: Clock | None = None,
+    epoch: int | None = None,
+) -> Bus:
     """A bus over any link; for the in-memory one, and for tests.
 
     Args:
@@ -316,5 +335,6 @@ def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROL
         realm: the first words of every key.
         roles: of the process; all of them by default, for tests that play every process.
         clock: for stamps and arrival times; the system's by default.
+        epoch: the process's number; drawn at random by default.
     """
-    return Bus(link, realm, roles, clock or SystemClock())
+    return Bus(link, realm, roles, clock or SystemClock(), epoch)

@@ -17,9 +17,9 @@ from muro_zenoh import channels
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.geometry import wrap_to_pi
 from muro_zenoh.messages import Frame, Truth, VelocityCommand
-from muro_zenoh.runtime.virtual_time import InlineExecutor, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, Latest, MemoryNetwork
-from tests.support.memory_lab import Lab, OffsetClock, agent, basestation, memory_lab, simulator
+from tests.support.memory_lab import Lab, agent, basestation, memory_lab, simulator
 
 CAMERA = {"rate": 10, "jpeg_quality": 0}
 ALL = {"tag_x": -0.03, "tag_y": 0.02, "tag_yaw": 0.2}
@@ -98,7 +98,7 @@ def test_machines_whose_clocks_disagree_drive_alike(offsets: Sequence[float]) ->
 
     async def main() -> None:
         async with observed() as seen:
-            room, station, r1, r2 = map(OffsetClock, offsets)
+            room, station, r1, r2 = map(VirtualClock, offsets)
             seen.lab.start(ONE, simulator, clock=room)
             seen.lab.start(ONE, basestation, clock=station)
             seen.lab.start(ONE, agent("r1"), clock=r1)
@@ -113,7 +113,7 @@ def test_two_cameras_hand_robots_over_to_each_other() -> None:
 
     async def main() -> None:
         async with observed() as seen:
-            seen.lab.start(TWO, simulator, clock=OffsetClock(11.0))
+            seen.lab.start(TWO, simulator, clock=VirtualClock(11.0))
             seen.lab.start(TWO, basestation)
             seen.lab.start(TWO, agent("r1"), agent("r2"))
             poses = seen.lab.bus.every(channels.POSE, "r1", depth=4096)
@@ -200,7 +200,7 @@ def test_a_machine_that_comes_back_with_another_clock() -> None:
         async with observed() as seen:
             seen.lab.start(ONE, basestation, agent("r1"), agent("r2"))
             for offset in (0.0, -40.0, 86400.0):
-                room = seen.lab.start(ONE, simulator, clock=OffsetClock(offset))
+                room = seen.lab.start(ONE, simulator, clock=VirtualClock(offset))
                 await seen.until_driving(6)
                 await asyncio.sleep(3.0)
                 assert seen.driving()
@@ -216,7 +216,7 @@ def test_after_a_suspend_nothing_old_is_driven_on_and_the_robots_go_on() -> None
 
     async def main() -> None:
         async with observed() as seen:
-            clock = OffsetClock()
+            clock = VirtualClock()
             seen.lab.start(ONE, simulator, basestation, agent("r1"), agent("r2"), clock=clock)
             await on_the_circle(seen)
             bases = seen.lab.bus.latest(channels.BASE, "*")
