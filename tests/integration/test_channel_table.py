@@ -52,7 +52,7 @@ class RecordingLink(MemoryLink):
     """Records what is actually written and read through it."""
 
     def __init__(self, network: MemoryNetwork) -> None:
-        super().__init__(network)
+        super().__init__(network, frozenset(), {})
         self.written: Counter[str] = Counter()
         self.read: set[str] = set()
 
