@@ -167,6 +167,7 @@ class _End(asyncio.Protocol):
         self._timer: asyncio.TimerHandle | None = None
         self._choked = False
         self._ending = False
+        self._gone = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         # uvloop's transports have the interface, not the class.
@@ -195,6 +196,7 @@ class _End(asyncio.Protocol):
             self._transport.pause_reading()
 
     def connection_lost(self, error: Exception | None) -> None:
+        self._gone = True
         self._relay.ends.discard(self)
         self._stop_timer()
         self._waiting.clear()
@@ -213,6 +215,8 @@ class _End(asyncio.Protocol):
 
     def send(self, data: bytes) -> None:
         """Send a piece through this end when it is due."""
+        if self._gone:
+            return
         conditions = self._conditions
         if not self._waiting and conditions == GOOD:
             self._transport.write(data)
@@ -234,11 +238,15 @@ class _End(asyncio.Protocol):
             self._transport.close()
 
     def abort(self) -> None:
-        """Reset the connection; what waits is lost."""
+        """Reset the connection; what waits is lost. Its end is noted later; from now on nothing is sent."""
+        self._gone = True
+        self._stop_timer()
         self._transport.abort()
 
     def adapt(self) -> None:
         """Adapt to the state of the link, and of the other end."""
+        if self._gone:
+            return
         other = self._other
         if self._conditions.passage is Passage.PARTITIONED:
             self._waiting.clear()

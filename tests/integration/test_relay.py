@@ -244,6 +244,23 @@ async def test_a_router_that_ends_ends_the_connection_and_the_other_way_round() 
 
 
 @on_both_loops
+async def test_the_end_of_a_relay_with_pieces_under_way_is_quiet() -> None:
+    complaints: list[dict[str, Any]] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context))
+    async with relayed() as (_, relay, dial):
+        reader, writer = await dial()
+        await echoed(reader, writer, b"before")
+        both(relay, Conditions(delay=0.02))
+        for _ in range(20):
+            writer.write(b"under way")
+            await asyncio.sleep(0.002)
+        time.sleep(0.03)  # noqa: ASYNC251 - timers are due when the connections are reset
+        relay._reset()
+        await asyncio.sleep(0.05)
+    assert not complaints
+
+
+@on_both_loops
 async def test_a_reader_that_does_not_read_slows_its_writer_and_fills_no_memory() -> None:
     for delay in (0.0, 5.0):
         with mock.patch("muro_zenoh.supervision.relay._MOST_WAITING", 100_000):
