@@ -38,6 +38,7 @@ RECOVERY = 3.0
 
 
 class TestInMemory:
+    @pytest.mark.slow
     @pytest.mark.parametrize("seed", range(SEED, SEED + int(os.environ.get("MURO_FUZZ_SEEDS", "1"))))
     def test_a_stranger_is_counted_and_forgotten(self, seed: int) -> None:
         run_virtually(self._fuzz(seed))
@@ -55,16 +56,21 @@ class TestInMemory:
             collector.begin()
             await asyncio.sleep(1.5)
             before = _messages(fleet)
-            sent = await self._flood(fleet, link, stranger, asking, IN_MEMORY // 5)  # until every buffer is full
-            blocks = await self._memory()
-            sent += await self._flood(fleet, link, stranger, asking, IN_MEMORY - sent)
-            leaked = await self._memory() - blocks
+            logging.disable()  # pytest would keep every line
+            try:
+                sent = await self._flood(fleet, link, stranger, asking, IN_MEMORY // 5)  # until every buffer is full
+                assert not collecting.done(), collecting.exception()
+                collecting.cancel()  # it keeps what it receives, as it should
+                await asyncio.wait({collecting})
+                await observer.close()
+                blocks = await self._memory()
+                sent += await self._flood(fleet, link, stranger, asking, IN_MEMORY - sent)
+                leaked = await self._memory() - blocks
+            finally:
+                logging.disable(logging.NOTSET)
 
-            assert not collecting.done(), collecting.exception()
             await self._recovers(fleet)
             assert not asking
-            collecting.cancel()
-            await asyncio.wait({collecting})
             received, rejected = (after - b for after, b in zip(_messages(fleet), before, strict=True))
             log.info("seed %d: sent %d, rejected %d of %d, %s", seed, sent, rejected, received, dict(stranger.made))
             log.info("%d blocks of memory more after %d messages; %s", leaked, sent, dict(stranger.sent))
@@ -73,7 +79,7 @@ class TestInMemory:
             every = {channel.word for channel in channels.CHANNELS} | {f"order {verb.word}" for verb in channels.VERBS}
             assert set(stranger.sent) == every
             assert min(stranger.sent.values()) > 0.001 * sent
-            assert leaked < 0.2 * sent
+            assert leaked < 0.1 * sent, "less than one block for ten messages: none is kept"
 
     async def _flood(
         self,
@@ -115,9 +121,13 @@ class TestInMemory:
 
         took = await fleet.until(driving, RECOVERY, "every robot drives again")
         log.info("recovered in %.2f s", took)
-        await asyncio.sleep(20.0)
-        assert max(fleet.radius_error(name) for name in fleet.scenario.robots) < 0.1
-        assert fleet.spacing_error() < 0.5
+
+        travelled = dict.fromkeys(fleet.scenario.robots, 0.0)
+        for _ in range(200):
+            await asyncio.sleep(0.1)
+            for name in travelled:
+                travelled[name] += 0.1 * fleet.speed(name)
+        assert min(travelled.values()) > 2.0, f"in 20 s they went on at 0.2 m/s, more or less: {travelled}"
 
 
 def _messages(fleet: MemoryFleet) -> tuple[int, int]:
