@@ -1,6 +1,8 @@
 """How robots get past each other without touching: our separation filter beside ORCA and the classical barrier.
 
-    python benchmarks/safety.py --swap [--seeds N] [--cases ...] [--methods ...] [--json FILE]
+    python benchmarks/safety.py [--json FILE]                                    what a decision costs
+    python benchmarks/safety.py --swap [--seeds N] [--cases ...] [--methods ...]  whether and when they arrive
+    python benchmarks/safety.py --attack [--states N]                            robots that do their worst
 
 Lock-step and without a bus: each robot knows its own state, and sees the others as they were ``--delay`` ms ago in
 snapshots of which its link loses the share ``--loss``. Robots of the default settings want to drive at 0.4 m/s; they
@@ -12,23 +14,24 @@ from __future__ import annotations
 
 import argparse
 import math
-import multiprocessing
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.support import attack_games, filter_times
 from benchmarks.support.crowd import CASES, FLOORS, Result, drive_to_goals
 from benchmarks.support.crowd_methods import METHODS
+from benchmarks.support.crowd_pursuit import pursue, pursuit
+from benchmarks.support.jobs import run_jobs
 from benchmarks.support.rows import quantile, write
 
 DEFAULT = "ours"
-SETTINGS = {
+SETTINGS: dict[str, tuple[tuple[str, int], ...]] = {
     "swap": (("walls", 10), ("open", 10), ("6 x 6", 20)),
     "pairs": (("walls", 10),),
     "doorway": (("walls", 10),),
+    "pursuit": (("walls", 10),),
 }
 """The floors of each case, with the number of robots."""
 
@@ -48,33 +51,11 @@ class Trial(NamedTuple):
 def run(trial: Trial) -> Result:
     """The result of one run."""
     # The layout is the same for all methods, delays and losses.
-    case = CASES[trial.case](np.random.default_rng(trial.seed), trial.robots, FLOORS[trial.floor])
+    layout = pursuit if trial.case == "pursuit" else CASES[trial.case]
+    case = layout(np.random.default_rng(trial.seed), trial.robots, FLOORS[trial.floor])
+    drive = pursue if trial.case == "pursuit" else drive_to_goals
     rng = np.random.default_rng((trial.seed, 1))
-    return drive_to_goals(case, METHODS[trial.method](case), rng, trial.delay, trial.loss)
-
-
-def measure(trials: list[list[Trial]], jobs: int) -> Iterator[dict[str, Any]]:
-    """A row per list of trials, which differ in their seeds only."""
-    with multiprocessing.get_context("spawn").Pool(jobs) if jobs > 1 else _Here() as pool:
-        for group in trials:
-            results = []
-            for result in pool.imap(run, group):
-                results.append(result)
-                print(f"\r{describe(group[0])}: {len(results)} of {len(group)} ", end="", file=sys.stderr, flush=True)
-            print("\r" + " " * 79 + "\r", end="", file=sys.stderr)
-            yield row(group, results)
-
-
-class _Here:
-    """A pool without processes."""
-
-    imap = staticmethod(map)
-
-    def __enter__(self) -> _Here:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        return None
+    return drive(case, METHODS[trial.method](case), rng, trial.delay, trial.loss)
 
 
 def describe(trial: Trial) -> str:
@@ -82,7 +63,7 @@ def describe(trial: Trial) -> str:
     return f"{trial.case} ({trial.floor}), {trial.robots} robots, {trial.method}"
 
 
-def row(group: list[Trial], results: list[Result]) -> dict[str, Any]:
+def row_of(group: list[Trial], results: list[Result]) -> dict[str, Any]:
     """The row of trials that differ in their seeds only."""
     first = group[0]
     seconds = [result.seconds for result in results]
@@ -131,6 +112,9 @@ def line(row: dict[str, Any]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--swap", action="store_true", help="crowds that have to get past each other")
+    parser.add_argument("--attack", action="store_true", help="robots that obey the certificate, and do their worst")
+    parser.add_argument("--states", type=int, default=1_000_000, help="of the attack (default %(default)s)")
+    parser.add_argument("--searches", type=int, default=8, help="of the attack (default %(default)s)")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--seeds", type=int, default=20, help="how many seeds (default %(default)s)")
     parser.add_argument("--first", type=int, default=0, help="the first seed (default %(default)s)")
@@ -142,6 +126,39 @@ def main() -> None:
     parser.add_argument("--loss", type=float, default=0.0, help="share of the snapshots lost (default %(default)s)")
     parser.add_argument("--jobs", type=int, default=1, help="how many processes (default %(default)s)")
     given = parser.parse_args()
+    if given.attack:
+        rows = []
+        print(attack_games.HEAD)
+        for row in attack_games.attack(given.states, given.searches, given.jobs):
+            rows.append(row)
+            print(attack_games.line(row), flush=True)
+        write(given.json, rows)
+    elif given.swap:
+        swap(given)
+    else:
+        costs = filter_times.measure()
+        print_costs(costs)
+        write(given.json, costs)
+
+
+def print_costs(rows: list[dict[str, Any]]) -> None:
+    """A table of what a decision costs."""
+    print("median microseconds of one robot's decision, same inputs; p99 of ours; ours over the barrier")
+    print(
+        f"{'robots':>6}{'passes':>9}{'changed':>9}{'p99':>9}{'barrier':>9}{'orca':>9}{'passes/b.':>11}{'changed/b.':>11}"
+    )
+    for row in rows:
+        print(
+            f"{row['robots']:>6}{row['passes_us']:>9.0f}{row['changed_us']:>9.0f}{row['p99_us']:>9.0f}"
+            f"{row['barrier_us']:>9.0f}{row['orca_us']:>9.0f}"
+            f"{row['passes_over_barrier']:>11.2f}{row['changed_over_barrier']:>11.2f}"
+        )
+    passes, changed = filter_times.GOALS_US["passes"], filter_times.GOALS_US["changed"]
+    print(f"goals for ten robots: {passes:g} us when the desired command passes, {changed:g} us when it does not")
+
+
+def swap(given: argparse.Namespace) -> None:
+    """The crowds."""
     trials = [
         [
             Trial(case, floor, given.robots or robots, method, 1e-3 * given.delay, given.loss, seed)
@@ -154,7 +171,8 @@ def main() -> None:
     ]
     rows = []
     print(HEAD)
-    for measured in measure(trials, given.jobs):
+    for group in trials:
+        measured = row_of(group, run_jobs(run, group, given.jobs, describe(group[0])))
         rows.append(measured)
         print(line(measured), flush=True)
         if measured["default"] and measured["bad_seeds"]:

@@ -78,14 +78,14 @@ def make(parameters: Parameters, vehicle: Vehicle) -> CircleFollowing:
 
 
 def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse a circle on which robots would leave the arena, or do not fit beside each other.
+    """Refuse a circle on which robots would leave the arena.
 
     Args:
         circle: the circle.
         fleet: the robots; all in one arena.
 
     Raises:
-        ParameterError: the circle is too large for its centre, or too small for so many robots.
+        ParameterError: the circle is too large for its centre.
     """
     body = max(vehicle.wall_distance for vehicle in fleet)
     arena = fleet[0].arena
@@ -94,11 +94,24 @@ def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
         raise ParameterError(
             "circle.radius",
             got=f"{circle.radius:g} m around ({circle.x:g}, {circle.y:g})",
-            expected=f"at most {max(edge - body, 0.0):.4g} m, so that all centres stay {body:g} m inside the arena",
+            expected=f"at most {max(edge - body, 0.0):.4g} m, so that robots stay inside the arena, "
+            f"{body:g} m from its walls",
         )
+
+
+def require_spacing(circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse a circle on which robots do not fit beside each other at the distance that they keep.
+
+    Args:
+        circle: the circle.
+        fleet: the robots on it.
+
+    Raises:
+        ParameterError: the circle is too small for so many robots.
+    """
     count, apart = len(fleet), max(2.0 * vehicle.radius + vehicle.margin for vehicle in fleet)
     chord = 2.0 * circle.radius * math.sin(math.pi / count) if count > 1 else math.inf
-    if chord < apart:
+    if chord < apart - 1e-9:
         most = int(math.pi / math.asin(min(1.0, 0.5 * apart / circle.radius)))
         raise ParameterError(
             "circle.radius",
@@ -118,9 +131,10 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena.
+        ParameterError: they would leave the arena, or be too close on it.
     """
     require_room(circle, fleet)
+    require_spacing(circle, fleet)
 
 
 BEHAVIOUR = BehaviourKind(

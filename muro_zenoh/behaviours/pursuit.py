@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import ClassVar
 
-from muro_zenoh.behaviours.circle import require_room
+from muro_zenoh.behaviours.circle import require_room, require_spacing
 from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.behaviours.interface import (
     Behaviour,
@@ -169,6 +169,7 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
     if not (isinstance(parameters.pursuit, ByImportance) and parameters.pursuit.importance):
         parameters.pursuit_law()
     require_room(circle, fleet)
+    require_spacing(circle, fleet)
 
 
 def expects(parameters: Parameters, vehicle: Vehicle) -> Expectation:

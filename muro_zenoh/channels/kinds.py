@@ -109,6 +109,7 @@ class Verb(Generic[M_co]):
         answered_by: the role that takes it.
         asked_by: the role that may give it.
         ros: the topic it replaces.
+        at_any_age: whether it is carried out even when it may be left over from a pause of the process that takes it.
     """
 
     word: str
@@ -117,3 +118,4 @@ class Verb(Generic[M_co]):
     answered_by: Role = Role.BASESTATION
     asked_by: Role = Role.OPERATOR
     ros: str = ""
+    at_any_age: bool = False

@@ -205,7 +205,7 @@ TRUTH = Channel(
 
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
-STOP_ORDER = Verb("stop", m.Stop)
+STOP_ORDER = Verb("stop", m.Stop, at_any_age=True)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")

@@ -111,3 +111,9 @@ def _check_separation(s: Scenario, origin: Origin) -> None:
             got=f"{s.separation.hold:g} [s]",
             expected=f"at least {least:g}: timeouts.command, and one period of {POSE_PERIOD:g} s",
         )
+    if s.separation.enabled and s.separation.snapshot_limit != s.timeouts.snapshot:
+        raise ConfigError(
+            origin.at("separation.snapshot_limit"),
+            got=f"{s.separation.snapshot_limit:g} [s]",
+            expected=f"timeouts.snapshot, {s.timeouts.snapshot:g}: how old the positions may be is one limit",
+        )

@@ -1,38 +1,36 @@
-"""The classical barrier certificate, for comparison: what most simulators of robot crowds offer as their safety filter.
+"""The classical barrier certificate, for comparison: what simulators of robot crowds offer as their safety filter.
 
 It is not the default (:mod:`muro_zenoh.safety.separation`): it knows neither braking distances nor the age of a
-position, and it keeps the points ``ahead`` of the axles apart instead of the bodies.
+position, and it keeps the points ahead of the axles apart instead of the bodies.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from muro_zenoh.geometry import STILL, Bounds, State, Twist2
+from muro_zenoh.geometry import Bounds, State, Twist2
 from muro_zenoh.quantities import Length, Quantity, check_quantities
-from muro_zenoh.safety.half_planes import HalfPlane, nearest
+from muro_zenoh.safety.separation import Body
+from muro_zenoh.safety.separation.projection import Row, nearest_velocity
 
-Solver = Callable[[float, float, Sequence[HalfPlane]], tuple[float, float] | None]
-"""``solve(x, y, rows)``: the point nearest to (x, y) in all half-planes, or None when there is none."""
-
-_TOUCHING = 1e-3  # stands for points at one place [m]
+_TOUCHING = 1e-3  # stands for two points at one place [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Barrier:
-    """Barrier certificates on the points ahead of the axles, one quadratic programme per robot and step.
+    """Barrier certificates on the points ahead of the axles: one quadratic programme per robot and step.
 
-    With ``p`` the point ``ahead`` of the axle, which can move in any direction, ``u`` its velocity, and
-    ``h = |p_i - p_j|^2 - (r_i + r_j + 2 ahead)^2``, each robot takes half of the common condition::
+    With ``p`` the point ahead of the axle, which can move in any direction, ``u`` its velocity, and
+    ``h = |p_i - p_j|^2 - (r_i + r_j + 2 ahead)^2``, each robot takes half of what a pair must satisfy::
 
-        minimise |u - u_desired|^2,   subject to   -2 (p_i - p_j) . u_i <= gain h^3 / 2   for each neighbour j
-                                                    n . u_i <= wall_gain c^3              for each wall
+        minimise |u - u_desired|^2,  subject to  -2 (p_i - p_j) . u <= gain h^3 / 2   for each neighbour j
+                                                 n . u <= wall_gain c^3               for each wall
+                                                 |u . sideways| <= ahead omega_max
 
-    where ``c`` is the distance of the point from a wall with outward normal ``n``, less the radius, and to what the
-    wheels can do, ``|u . forwards| <= v_max`` and ``|u . sideways| <= ahead omega_max``.
+    with ``n`` a wall's normal, outwards, and ``c`` the point's distance from the wall, less the radius.
 
     Args:
         ahead: how far ahead of the axle the point is [m].
@@ -40,88 +38,99 @@ class Barrier:
         wall_gain: of the walls [1/(m^2 s)].
 
     Source: Wang, Ames and Egerstedt, Safety barrier certificates for collisions-free multirobot systems, IEEE
-    Transactions on Robotics 33, 2017, with the cubic barrier of the Robotarium; points ahead as in seed 001.
+    Transactions on Robotics 33, 2017, with the cubic barrier of the Robotarium; the point ahead as in seed 001.
     """
 
     ahead: Length = 0.05
-    gain: Annotated[float, Quantity("1/(m^4 s)", above=0.0)] = 500.0
+    gain: Annotated[float, Quantity("1/(m^4 s)", above=0.0)] = 1000.0
     wall_gain: Annotated[float, Quantity("1/(m^2 s)", above=0.0)] = 100.0
 
     def __post_init__(self) -> None:
         check_quantities(self)
 
-    def point(self, state: State) -> tuple[float, float]:
-        """The point ahead of a robot's axle [m, world].
+    def twist(
+        self, state: State, desired: Twist2, body: Body, others: Sequence[tuple[State, float]], arena: Bounds
+    ) -> Twist2:
+        """The twist nearest to the desired one, in the velocity of the point ahead, that the barriers allow.
 
-        Args:
-            state: the robot's.
-        """
-        return state.x + self.ahead * math.cos(state.theta), state.y + self.ahead * math.sin(state.theta)
-
-    def rows(
-        self,
-        state: State,
-        radius: float,
-        others: Sequence[tuple[State, float]],
-        arena: Bounds,
-        v_max: float,
-        omega_max: float,
-    ) -> list[HalfPlane]:
-        """The half-planes in which the velocity of the point ahead must be [m/s, world]: neighbours, walls, limits.
+        Robots that are too close already may exclude each other's every velocity: then the worst violation is least.
 
         Args:
             state: of the robot.
-            radius: of its body [m].
+            desired: the desired twist.
+            body: the robot's size and limits.
             others: the other robots' states and radii [m].
             arena: the walls.
-            v_max: the robot's maximum speed [m/s].
-            omega_max: its maximum turning rate [rad/s].
+        """
+        wanted = self.velocity(state, desired)
+        allowed = nearest_velocity(self.rows(state, body, others, arena), *wanted, body.v_max)
+        return self.twist_for(state, *allowed)
+
+    def rows(self, state: State, body: Body, others: Sequence[tuple[State, float]], arena: Bounds) -> list[Row]:
+        """The half-planes of the velocity of the point ahead [m/s, world]: neighbours, walls, turning rate.
+
+        Args:
+            state: of the robot.
+            body: the robot's size and limits.
+            others: the other robots' states and radii [m].
+            arena: the walls.
         """
         x, y = self.point(state)
         rows = []
-        for other, size in others:
+        for other, radius in others:
             other_x, other_y = self.point(other)
-            dx, dy = x - other_x, y - other_y
+            dx, dy = other_x - x, other_y - y
             distance = max(math.hypot(dx, dy), _TOUCHING)
-            h = distance * distance - (radius + size + 2.0 * self.ahead) ** 2
-            rows.append(HalfPlane(-dx / distance, -dy / distance, 0.25 * self.gain * h**3 / distance))
-        rows += (
-            HalfPlane(1.0, 0.0, self.wall_gain * (arena.x_max - radius - x) ** 3),
-            HalfPlane(-1.0, 0.0, self.wall_gain * (x - arena.x_min - radius) ** 3),
-            HalfPlane(0.0, 1.0, self.wall_gain * (arena.y_max - radius - y) ** 3),
-            HalfPlane(0.0, -1.0, self.wall_gain * (y - arena.y_min - radius) ** 3),
-        )
+            h = distance * distance - (body.radius + radius + 2.0 * self.ahead) ** 2
+            rows.append(Row(dx / distance, dy / distance, 0.25 * self.gain * h**3 / distance))
+        for nx, ny, away in (
+            (1.0, 0.0, arena.x_max - x),
+            (-1.0, 0.0, x - arena.x_min),
+            (0.0, 1.0, arena.y_max - y),
+            (0.0, -1.0, y - arena.y_min),
+        ):
+            rows.append(self.wall(nx, ny, away, body))
         c, s = math.cos(state.theta), math.sin(state.theta)
-        sideways = self.ahead * omega_max
-        rows += (
-            HalfPlane(c, s, v_max),
-            HalfPlane(-c, -s, v_max),
-            HalfPlane(-s, c, sideways),
-            HalfPlane(s, -c, sideways),
-        )
-        return rows
+        sideways = self.ahead * body.omega_max
+        return [*rows, Row(-s, c, sideways), Row(s, -c, sideways)]
 
+    def wall(self, nx: float, ny: float, away: float, body: Body) -> Row:
+        """The half-plane of one wall.
 
-def filter_twist(
-    desired: Twist2, state: State, ahead: float, rows: Sequence[HalfPlane], solve: Solver = nearest
-) -> Twist2:
-    """The twist nearest to the desired one, in the velocity of the point ahead, that all half-planes allow.
+        Args:
+            nx: direction from the point ahead to the wall, of length 1.
+            ny: the same.
+            away: distance of the point from the wall [m].
+            body: the robot's size and limits.
+        """
+        return Row(nx, ny, self.wall_gain * (away - body.radius) ** 3)
 
-    Robots that are too close already may ask for more than the wheels can do: then it is enough that they approach
-    no further, which standing still always satisfies.
+    def point(self, state: State) -> tuple[float, float]:
+        """The point ahead of the axle [m, world].
 
-    Args:
-        desired: the desired twist.
-        state: of the robot.
-        ahead: how far ahead of the axle the point is [m].
-        rows: the half-planes, from :meth:`Barrier.rows`.
-        solve: the quadratic programme.
-    """
-    c, s = math.cos(state.theta), math.sin(state.theta)
-    sideways = ahead * desired.omega
-    wanted = c * desired.v - s * sideways, s * desired.v + c * sideways
-    velocity = solve(*wanted, rows) or solve(*wanted, [row._replace(limit=max(0.0, row.limit)) for row in rows])
-    if velocity is None:
-        return STILL
-    ux, uy = velocity
-    return Twist2(c * ux + s * uy, (c * uy - s * ux) / ahead)
+        Args:
+            state: of the robot.
+        """
+        return state.x + self.ahead * math.cos(state.theta), state.y + self.ahead * math.sin(state.theta)
+
+    def velocity(self, state: State, twist: Twist2) -> tuple[float, float]:
+        """The velocity of the point ahead [m/s, world].
+
+        Args:
+            state: of the robot.
+            twist: of the robot.
+        """
+        c, s = math.cos(state.theta), math.sin(state.theta)
+        across = self.ahead * twist.omega
+        return c * twist.v - s * across, s * twist.v + c * across
+
+    def twist_for(self, state: State, vx: float, vy: float) -> Twist2:
+        """The twist that gives the point ahead a velocity.
+
+        Args:
+            state: of the robot.
+            vx: the velocity [m/s, world].
+            vy: the same.
+        """
+        c, s = math.cos(state.theta), math.sin(state.theta)
+        return Twist2(c * vx + s * vy, (c * vy - s * vx) / self.ahead)

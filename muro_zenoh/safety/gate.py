@@ -23,7 +23,7 @@ def reasons_to_hold(
 
     Args:
         latch: the robot's stop latch.
-        pause: how long the robot's process was frozen or blocked, until it has received the stop state again [s]; else 0.
+        pause: how long the robot's process was frozen or blocked [s], until it has received the stop state again; else 0.
         fix_age: time since the capture of the newest accepted pose fix [s]; infinite before the first.
         fix_limit: maximum age of the fix [s].
         snapshot_age: time since the newest positions of all robots were sent [s]; infinite before the first, 0 for a

@@ -219,13 +219,11 @@ def test_after_a_suspend_nothing_old_is_driven_on_and_the_robots_go_on() -> None
             clock = VirtualClock()
             seen.lab.start(ONE, simulator, basestation, agent("r1"), agent("r2"), clock=clock)
             await on_the_circle(seen)
-            bases = seen.lab.bus.latest(channels.BASE, "*")
             await asyncio.sleep(0.6)
             before = {name: truth.message for name, truth in seen.truth.values().items()}
             clock.offset += 60.0
-            await asyncio.sleep(0.04)  # a beat of the base
-            for name, base in bases.values().items():
-                assert base.message.dead_man, name
+            await asyncio.sleep(0.12)  # a beat of the bases, and a tick of the agents
+            assert not seen.commanded()
             assert await seen.until_driving(3) < 3.0
             for name, then in before.items():
                 now = seen.truth.values()[name].message

@@ -201,6 +201,7 @@ def test_a_silent_behaviour_times_out_after_its_intent_and_one_repetition(own: N
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
+            await asyncio.sleep(2.0)  # until it has heard where the others are
             commands = await commands_of(fleet)
             await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="lab_stops:once"))
             await asyncio.sleep(2.0)
@@ -244,7 +245,8 @@ def test_a_foreign_programs_estimates_do_not_reach_a_behaviour(own: None) -> Non
                 await asyncio.sleep(0.01)
             assert len(seen) >= 19
             assert {estimate.epoch for estimate in seen}.isdisjoint({stranger.epoch})
-            assert min(c.message.v for c in commands.drain()) > 0.0
+            # It would back off from (9, 9); to the base station the two estimates disagree, so it may stand meanwhile.
+            assert min(c.message.v for c in commands.drain()) >= 0.0
 
     run_virtually(main())
 

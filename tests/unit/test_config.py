@@ -281,7 +281,7 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
-        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.803 m, so that all centres stay 0.197",
+        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.803 m, so that robots stay inside the arena, 0.197 m",
     ),
     "a circle whose centre is outside": (
         {"arena": SMALL, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.5, "x": 4.0}},

@@ -193,11 +193,16 @@ def test_a_real_filter_lets_no_robot_drive_into_another() -> None:
     loop = ControlLoop("r1", LAB.robot["r1"], LAB.timeouts, LAB.separation_of("r1"))
     loop.tracking.filter = Filter()  # type: ignore[assignment]  # at (1, 2), outside the arena, heading 0.5 rad
     loop.tracking.filter.at = lambda t: estimate()._replace(x=0.0, y=0.0, theta=0.0, t_fix=t)  # type: ignore[method-assign]
+    clear, full = [], []
     loop.take_stop(T0, StopOrder(all=False, revision=5))
     loop.behave(Recorder())
     rows = (Neighbour("r1", 0.0, 0.0, 0.0, 0.1, 0.0, 0.0), Neighbour("r2", 0.4, 0.0, 0.0, 0.0, 0.0, 0.0))
-    (command,) = commands(loop.update(T0, [], [], Surroundings(snapshot=Snapshot(rows, 7.0, 3, 0.0), snapshot_age=0.0)))
-    assert command[0] < 0.05
+    for k in range(60):  # alone at first
+        seen = Snapshot(rows if k >= 40 else rows[:1], 7.0 + 0.05 * k, 3, 0.0)
+        (command,) = commands(loop.update(T0 + 0.05 * k, [], [], Surroundings(snapshot=seen, snapshot_age=0.0)))
+        (full if k >= 40 else clear).append(command[0])
+    assert clear[-1] == pytest.approx(0.2)
+    assert max(full) < 0.05
     assert loop.reasons == ()
     assert "r2" in loop.drive.take_note()
 

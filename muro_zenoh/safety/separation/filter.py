@@ -4,19 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, SharedSnapshot
-from muro_zenoh.safety.separation.certificate import WALL, Certificate, Wall
-from muro_zenoh.safety.separation.guidance import Near, approach_speed, guided, rows_of, velocity_of
-from muro_zenoh.safety.separation.liveness import HORIZON, Patience, first_met, free_direction, roomiest
-from muro_zenoh.safety.separation.planner import Planner, Segment
-from muro_zenoh.safety.separation.projection import Row
+from muro_zenoh.safety.separation.certificate import Certificate
+from muro_zenoh.safety.separation.guidance import Near, guided, is_busy, rows_of, velocity_of, wall_rows
+from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
+from muro_zenoh.safety.separation.line import Point
+from muro_zenoh.safety.separation.liveness import (
+    HORIZON,
+    Patience,
+    first_met,
+    free_direction,
+    free_speed,
+    goes_along,
+    roomiest,
+)
+from muro_zenoh.safety.separation.route import Route
 from muro_zenoh.safety.separation.settings import SeparationSettings
 
-_LOOK = 1.6
-_WANTS = 0.01
+_LOOK: Final = 1.6
+"""Robots and walls nearer than this are looked at [m]."""
+_WANTS: Final = 0.01
+"""A robot that wants to drive slower than this is where it wants to be [m/s]."""
+_SLOW: Final = 0.2
+"""A robot that gets out of the way drives this fast [m/s]."""
+_NEARLY_THERE: Final = 0.15
+"""Nearer to its target a robot may stand without losing patience [m]."""
+_NEXT_TO: Final = 0.25
+"""A parked robot makes room for those that are nearer than the distance to keep and this [m]."""
 
 
 class Separated(NamedTuple):
@@ -32,8 +49,8 @@ class Separation:
     Args:
         name: the robot's name.
         body: its size and limits.
-        others: the bodies of the fleet by name; a robot that is not there is foreign and may be as large as the
-            largest.
+        others: the bodies of the fleet by name, with or without its own; a robot that is not there is foreign and may
+            be as large as the largest.
         arena: the floor with walls around it.
         settings: how to keep apart.
         walls: walls inside the arena, each from x, y to x, y [m, world].
@@ -48,17 +65,14 @@ class Separation:
         settings: SeparationSettings,
         walls: Sequence[Wall] = (),
     ) -> None:
-        self._name = name
-        self._arena = arena
-        self._inside = arena.shrunk(body.radius + settings.wall_margin)
-        keep = body.radius + settings.wall_margin
-        self._planner = Planner(self._inside, [Segment(x, y, p - x, q - y, keep) for x, y, p, q in walls])
-        self._plan: list[tuple[float, float]] = []
-        self._plan_next = self._plan_until = -math.inf
-        self._patience = Patience(sorted({name, *others}).index(name))
         self._nominal = self._body = body
         self._settings = settings
-        self._certificate = Certificate(name, body, others, arena, settings, walls)
+        self._changed = False  # the last command
+        keep = body.radius + settings.wall_margin
+        self._inside = arena.shrunk(keep)
+        self._known = Knowledge(name, body, others, settings, walls)
+        self._route = Route(arena, self._inside, walls, keep)
+        self._patience = Patience(sorted({name, *others}).index(name))
 
     def step(
         self,
@@ -81,122 +95,112 @@ class Separation:
                 know of it, by which the lines between them are drawn.
         """
         self._body = body or self._nominal
-        fresh = snapshot is not None and self._certificate.learn(now, snapshot)
+        blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
         if not self._settings.enabled:
             return Separated(desired, "")
         if not all(map(math.isfinite, (*state, *desired))):
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
-        if not fresh:
-            return Separated(STILL, "brakes: no fresh positions")
-        self._certificate.begin(now, state, self._body)
-        return self._guide(now, state, desired, target)
-
-    def _guide(self, now: float, state: State, desired: Twist2, target: tuple[float, float] | None) -> Separated:
-        body, certificate, patience = self._body, self._certificate, self._patience
-        x, y = state.x, state.y
-        near = certificate.near(now, x, y, _LOOK)
-        ux, uy = velocity_of(state, desired)
-        speed = math.hypot(ux, uy)
-        stood = patience.look(now, state, speed > _WANTS)
+        if blind:
+            return Separated(STILL, f"brakes: {blind}")
+        wanted = self._within_limits(desired)
+        velocity = _preferred(state, wanted, target)
+        speed = math.hypot(*velocity)
+        fastest = max(abs(wanted.v), speed, _SLOW)
+        certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
+        near = self._known.near(now, state.x, state.y, _LOOK)
+        far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
+        stood = self._patience.look(now, state, speed > _WANTS and far and self._changed)
         if speed <= _WANTS:
-            return self._make_room(state, desired, near)
-        ux, uy = self._way(now, state, ux, uy, target, near, stood)
-        rows = rows_of(x, y, near)
-        when, who = first_met(x, y, ux, uy, near)
-        as_wanted = (ux, uy) == velocity_of(state, desired) and not patience.retreating
-        if (
-            as_wanted
-            and when >= HORIZON
-            and all(row.nx * ux + row.ny * uy <= row.bound for row in rows)
-            and not certificate.blocker(desired)
-        ):
-            return Separated(desired, "")
-        blocker = who.name if who else certificate.blocker(desired) or (near[0].name if near else WALL)
-        reason = f"keeps clear of {blocker}"
-        if patience.retreating:
-            ux, uy = roomiest(state, near, self._inside, 0.2)
-        elif when < HORIZON:
-            ux, uy = free_direction(x, y, ux, uy, near, self._inside, patience.side)
-        rows += self._wall_rows(state)
-        wanted = guided(state, rows, ux, uy, max(speed, 0.1), body.omega_max)
-        return Separated(self._certified(wanted, now, stood), reason)
+            given, reason = self._make_room(state, wanted, near, certificate)
+        else:
+            given, reason = self._get_past(now, state, wanted, velocity, near, certificate, target, stood)
+        self._changed = bool(reason)
+        return Separated(given if reason else desired, reason)
 
-    def _certified(self, wanted: Twist2, now: float, stood: float) -> Twist2:
-        """The wanted twist, or one like it that passes."""
-        body, certificate = self._body, self._certificate
-        if not certificate.blocker(wanted):
-            return self._fidget(wanted, now, stood)
-        for share in (0.7, 0.4, 0.0):
-            for omega in (wanted.omega, 0.0, body.omega_max, -body.omega_max):
-                command = Twist2(wanted.v * share, omega)
-                if not certificate.blocker(command):
-                    return self._fidget(command, now, stood)
-        return STILL
-
-    def _fidget(self, command: Twist2, now: float, stood: float) -> Twist2:
-        if stood < 1.0 or abs(command.v) > 0.02 or abs(command.omega) > 0.3:
-            return command
-        return Twist2(0.0, 0.4 if math.fmod(now, 2.0) < 1.0 else -0.4)
-
-    def _make_room(self, state: State, desired: Twist2, near: list[Near]) -> Separated:
-        """Parked: out of the way of who waits or comes."""
-        for other in near:
-            dx, dy = state.x - other.x, state.y - other.y
-            away = math.hypot(dx, dy)
-            busy = math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.15
-            if not busy or away > other.keep + 0.25:
-                continue
-            if dx * math.cos(other.theta) + dy * math.sin(other.theta) < 0.25 * away:
-                continue
-            ux, uy = roomiest(state, near, self._inside, 0.15, other)
-            if (ux, uy) == (0.0, 0.0):
-                continue
-            rows = rows_of(state.x, state.y, near) + self._wall_rows(state)
-            wanted = guided(state, rows, ux, uy, 0.2, self._body.omega_max)
-            return Separated(self._certified(wanted, 0.0, 0.0), f"makes room for {other.name}")
-        if self._certificate.blocker(desired):
-            return Separated(STILL, "")
-        return Separated(desired, "")
-
-    def _way(
+    def _get_past(
         self,
         now: float,
         state: State,
-        ux: float,
-        uy: float,
-        target: tuple[float, float] | None,
+        wanted: Twist2,
+        desired: Point,
         near: list[Near],
+        certificate: Certificate,
+        target: Point | None,
         stood: float,
-    ) -> tuple[float, float]:
-        """The desired velocity, or the one along a planned way round."""
-        if target is None:
-            return ux, uy
-        here = state.x, state.y
-        if self._planner.sees(here, target) and stood < 1.0 and now >= self._plan_until:
-            return ux, uy
-        if now >= self._plan_next:
-            slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < 0.05]
-            self._plan = self._planner.way(here, target, slow)
-            self._plan_next = now + 1.0
-            if stood >= 1.0:
-                self._plan_until = now + 3.0
-        reachable = (p for p in reversed(self._plan) if math.dist(p, here) <= 0.5 and self._planner.sees(here, p))
-        ahead = next(reachable, None)
-        if ahead is None or math.dist(ahead, here) < 0.05:
-            return ux, uy
-        speed, away = math.hypot(ux, uy), math.dist(ahead, here)
-        return speed * (ahead[0] - state.x) / away, speed * (ahead[1] - state.y) / away
-
-    def _wall_rows(self, state: State) -> list[Row]:
-        keep = self._body.radius + self._settings.wall_margin
-        arena = self._arena
+    ) -> Separated:
+        """The wanted twist when it is free; else one that gets past those who are in the way."""
         x, y = state.x, state.y
-        free = (
-            (1.0, 0.0, arena.x_max - x),
-            (-1.0, 0.0, x - arena.x_min),
-            (0.0, 1.0, arena.y_max - y),
-            (0.0, -1.0, y - arena.y_min),
-        )
-        return [Row(nx, ny, approach_speed(away - keep)) for nx, ny, away in free]
+        patience = self._patience
+        velocity = desired
+        if target is not None:
+            queues = not patience.retreating
+            velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues)
+        ux, uy = velocity
+        rows = rows_of(x, y, near)
+        when, who = first_met(x, y, ux, uy, near)
+        is_free = when >= HORIZON and all(row.nx * ux + row.ny * uy <= row.bound for row in rows)
+        blocker = certificate.blocker(wanted)
+        if is_free and not blocker and velocity == desired and not patience.retreating:
+            return Separated(wanted, "")
+        if patience.retreating:
+            ux, uy = roomiest(state, near, self._inside, _SLOW)
+        elif who is not None and when < HORIZON:
+            if target is None and goes_along(who, ux, uy):
+                ux, uy = free_speed(x, y, ux, uy, near)
+            else:
+                ux, uy = free_direction(x, y, ux, uy, near, self._inside, patience.side)
+        rows += wall_rows(x, y, self._inside)
+        speed = max(math.hypot(*desired), 0.5 * _SLOW)
+        twist = self._within_limits(guided(state, rows, ux, uy, speed, self._body.omega_max))
+        name = who.name if who is not None and when < math.inf else blocker or (near[0].name if near else WALL)
+        return Separated(self._certified(twist, certificate, now if stood >= 1.0 else None), f"keeps clear of {name}")
+
+    def _make_room(self, state: State, wanted: Twist2, near: list[Near], certificate: Certificate) -> Separated:
+        """A robot that is where it wants to be gets out of the way of one that drives or waits there."""
+        for other in near:
+            dx, dy = state.x - other.x, state.y - other.y
+            away = math.hypot(dx, dy)
+            if not is_busy(other) or away > other.keep + _NEXT_TO:
+                continue
+            if dx * math.cos(other.theta) + dy * math.sin(other.theta) < 0.25 * away:
+                continue
+            ux, uy = roomiest(state, near, self._inside, 0.75 * _SLOW, other)
+            if (ux, uy) == (0.0, 0.0):
+                continue
+            rows = rows_of(state.x, state.y, near) + wall_rows(state.x, state.y, self._inside)
+            twist = guided(state, rows, ux, uy, _SLOW, self._body.omega_max)
+            return Separated(self._certified(twist, certificate, None), f"makes room for {other.name}")
+        blocker = certificate.blocker(wanted)
+        return Separated(STILL, f"keeps clear of {blocker}") if blocker else Separated(wanted, "")
+
+    def _certified(self, twist: Twist2, certificate: Certificate, waits: float | None) -> Twist2:
+        """The twist, or one like it that passes; a robot that waits turns to and fro, so that others see it."""
+        found = STILL
+        for share in (1.0, 0.7, 0.4, 0.0):
+            turns = (twist.omega, 0.0, self._body.omega_max, -self._body.omega_max) if share < 1.0 else (twist.omega,)
+            passing = (Twist2(twist.v * share, omega) for omega in turns)
+            first = next((command for command in passing if not certificate.blocker(command)), None)
+            if first is not None:
+                found = first
+                break
+        if waits is not None and abs(found.v) <= 0.02 and abs(found.omega) <= 0.3:
+            turning = Twist2(0.0, 0.4 if math.fmod(waits, 2.0) < 1.0 else -0.4)
+            return found if certificate.blocker(turning) else turning
+        return found
+
+    def _within_limits(self, twist: Twist2) -> Twist2:
+        v_max, omega_max = self._body.v_max, self._body.omega_max
+        return Twist2(min(max(twist.v, -v_max), v_max), min(max(twist.omega, -omega_max), omega_max))
+
+
+def _preferred(state: State, wanted: Twist2, target: Point | None) -> Point:
+    """The velocity that a behaviour wants: of the point ahead when it steers that to a place; otherwise in the same
+    direction with the speed along its curve, because it may turn as fast as it likes."""
+    ux, uy = velocity_of(state, wanted)
+    speed = math.hypot(ux, uy)
+    most = max(abs(wanted.v), 0.5 * _SLOW)
+    if target is None and speed > most:
+        return ux * most / speed, uy * most / speed
+    return ux, uy

@@ -9,13 +9,15 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from muro_zenoh.geometry import State, Twist2
+from muro_zenoh.geometry import Bounds, State, Twist2
 from muro_zenoh.safety.separation.projection import Row, nearest_velocity
 
 AHEAD: Final = 0.15
 """How far ahead of the axle the guided point is [m]."""
 REACTION: Final = 0.2
 """Time until a velocity is changed [s]."""
+TURNING: Final = 0.2
+"""A robot turns at least as fast as for this speed [m/s]."""
 DECELERATION: Final = 0.5
 """How robots are expected to slow down for each other [m/s^2]."""
 
@@ -32,6 +34,15 @@ class Near(NamedTuple):
     name: str
     theta: float = 0.0
     omega: float = 0.0
+
+
+def is_busy(other: Near) -> bool:
+    """Whether a neighbour drives, or turns because it waits; one that is parked does neither.
+
+    Args:
+        other: the neighbour.
+    """
+    return math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.15
 
 
 def approach_speed(free: float) -> float:
@@ -64,6 +75,23 @@ def rows_of(x: float, y: float, near: Sequence[Near]) -> list[Row]:
     return rows
 
 
+def wall_rows(x: float, y: float, inside: Bounds) -> list[Row]:
+    """What the walls around the arena allow.
+
+    Args:
+        x: the robot's position [m, world].
+        y: the same.
+        inside: where its centre may be.
+    """
+    free = (
+        (1.0, 0.0, inside.x_max - x),
+        (-1.0, 0.0, x - inside.x_min),
+        (0.0, 1.0, inside.y_max - y),
+        (0.0, -1.0, y - inside.y_min),
+    )
+    return [Row(nx, ny, approach_speed(away)) for nx, ny, away in free]
+
+
 def velocity_of(state: State, twist: Twist2) -> tuple[float, float]:
     """The velocity of the point ahead [m/s, world].
 
@@ -87,10 +115,12 @@ def twist_for(state: State, vx: float, vy: float, omega_max: float) -> Twist2:
     """
     c, s = math.cos(state.theta), math.sin(state.theta)
     along, across = vx * c + vy * s, -vx * s + vy * c
+    speed = math.hypot(along, across)
     omega = across / AHEAD
     if along < 0.0:
-        omega = math.copysign(math.hypot(along, across) / AHEAD, across)
-        along = 0.0
+        omega, along = math.copysign(speed / AHEAD, across), 0.0
+    if 0.0 < speed < TURNING:  # a slow robot need not turn slowly
+        omega *= TURNING / speed
     return Twist2(along, min(max(omega, -omega_max), omega_max))
 
 

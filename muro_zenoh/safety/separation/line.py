@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 Point = tuple[float, float]
 
@@ -20,13 +20,19 @@ class Line(NamedTuple):
 
 class Stretch(NamedTuple):
     """Where a robot is and where it comes to rest when it brakes: from (``x``, ``y``) to (``x_end``, ``y_end``) [m,
-    world], with ``keep``, the robot's radius and half the margin [m]."""
+    world], with its velocity ``vx``, ``vy`` [m/s] and ``keep``, its radius and half the margin [m]."""
 
     x: float
     y: float
     x_end: float
     y_end: float
+    vx: float
+    vy: float
     keep: float
+
+
+LEAST_NEED: Final = 0.1
+"""A robot that does not approach gets as much of the free floor as one that approaches with this speed [m/s]."""
 
 
 def nearest_points(a: Stretch, b: Stretch) -> tuple[Point, Point]:
@@ -79,8 +85,9 @@ def nearest_on(x0: float, y0: float, dx: float, dy: float, x: float, y: float) -
 def line_between(mine: Stretch, theirs: Stretch, other: str) -> Line:
     """My side of the line between two robots that keep apart.
 
-    It is square to the shortest connection of the two stretches and divides what is free of it in halves. When the
-    stretches are closer than allowed, the lack is divided.
+    It is square to the shortest connection of the two stretches and divides what is free of it in proportion to the
+    speeds with which they approach: a follower gets what is free behind the one ahead, two that meet get a half each.
+    When the stretches are closer than allowed, the lack is divided in halves.
 
     Args:
         mine: my stretch, from the common snapshot.
@@ -98,4 +105,8 @@ def line_between(mine: Stretch, theirs: Stretch, other: str) -> Line:
         if nx == ny == 0.0:
             nx = 1.0
     free = gap - mine.keep - theirs.keep
-    return Line(nx, ny, nx * ax + ny * ay + 0.5 * free, other)
+    share = 0.5
+    if free > 0.0:
+        need = LEAST_NEED + max(0.0, nx * mine.vx + ny * mine.vy)
+        share = need / (need + LEAST_NEED + max(0.0, -nx * theirs.vx - ny * theirs.vy))
+    return Line(nx, ny, nx * ax + ny * ay + share * free, other)

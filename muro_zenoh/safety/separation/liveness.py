@@ -73,6 +73,33 @@ def free_direction(
     return found
 
 
+def goes_along(other: Near, vx: float, vy: float) -> bool:
+    """Whether a neighbour drives the same way, so that one can follow it.
+
+    Args:
+        other: the neighbour.
+        vx: the preferred velocity [m/s].
+        vy: the same.
+    """
+    return other.vx * vx + other.vy * vy > 0.3 * math.hypot(vx, vy) * max(0.05, math.hypot(other.vx, other.vy))
+
+
+def free_speed(x: float, y: float, vx: float, vy: float, near: Sequence[Near]) -> tuple[float, float]:
+    """The preferred velocity slowed down until it is free; a quarter of it when it never is.
+
+    Args:
+        x: the robot's position [m, world].
+        y: the same.
+        vx: the preferred velocity [m/s].
+        vy: the same.
+        near: the neighbours.
+    """
+    for part in (0.75, 0.5):
+        if first_met(x, y, part * vx, part * vy, near)[0] >= HORIZON:
+            return part * vx, part * vy
+    return 0.25 * vx, 0.25 * vy
+
+
 class Patience:
     """What a robot does when it does not get on.
 

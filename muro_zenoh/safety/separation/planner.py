@@ -40,10 +40,11 @@ class Planner:
         self._walls = walls
         self._columns = max(1, math.floor(inside.width / CELL) + 1)
         self._rows = max(1, math.floor(inside.height / CELL) + 1)
-        self._free = bytearray(self._columns * self._rows)
-        for k in range(len(self._free)):
-            x, y = self._place(k)
-            self._free[k] = all(_away(wall, x, y) >= wall.keep for wall in walls)
+        self._free = bytearray(b"\1" * (self._columns * self._rows))
+        if walls:
+            for k in range(len(self._free)):
+                x, y = self._place(k)
+                self._free[k] = all(_away(wall, x, y) >= wall.keep for wall in walls)
 
     def sees(self, start: Point, end: Point) -> bool:
         """Whether no wall is between two positions.

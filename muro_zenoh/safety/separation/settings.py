@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from muro_zenoh.quantities import Duration, Length, Positive, check_quantities
+from muro_zenoh.quantities import Length, Positive, check_quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,8 +17,7 @@ class SeparationSettings:
         wall_margin: free floor between a body and a wall [m].
         hold: the longest time for which the wheels may go on with a command before they brake [s]: the dead-man's time
             and one period.
-        window: the lines of all snapshots of this time are obeyed [s], so that two robots that received different ones
-            have some in common.
+        snapshot_limit: largest age of the newest snapshot with which a robot drives [s].
 
     Raises:
         ParameterError: a number outside its limits.
@@ -28,7 +27,7 @@ class SeparationSettings:
     margin: Length = 0.046
     wall_margin: Length = 0.02
     hold: Positive = 0.35
-    window: Duration = 0.5
+    snapshot_limit: Positive = 0.5
 
     def __post_init__(self) -> None:
         check_quantities(self)
