@@ -197,10 +197,10 @@ TRUTH = Channel(
     word="truth",
     kind=m.Truth,
     writers=(Party(Role.SIMULATOR),),
-    readers=(OPERATOR,),
+    readers=(OPERATOR, Party(Role.CAMERA)),
     delivery="newest",
     rate=20.0,
-    note="for score sheets only; no task may read it",
+    note="for score sheets, and for simulated cameras in processes of their own; no other task may read it",
 )
 
 SET_CIRCLE = Verb("set_circle", m.SetCircle)

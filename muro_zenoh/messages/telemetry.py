@@ -165,7 +165,8 @@ class Odometry(Message, frozen=True, kw_only=True):
 
 
 class Truth(Message, frozen=True, kw_only=True):
-    """The true state of a simulated robot. For score sheets only; no task may read it."""
+    """The true state of a simulated robot. For score sheets and simulated cameras; no other
+    task may read it."""
 
     x: float
     y: float

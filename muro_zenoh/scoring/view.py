@@ -55,6 +55,7 @@ class View(NamedTuple):
             position of a robot is unknown.
         spacing_error: the spacing error [rad]; None unless they are to spread evenly, and likewise.
         restarts: number of process restarts.
+        faults: the scenario's faults that last now.
     """
 
     t: float
@@ -63,6 +64,7 @@ class View(NamedTuple):
     radius_error: float | None
     spacing_error: float | None
     restarts: int
+    faults: tuple[str, ...] = ()
 
     @property
     def driving(self) -> int:
@@ -70,13 +72,14 @@ class View(NamedTuple):
         return sum(row.driving for row in self.rows)
 
 
-def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
+def view_of(collector: Collector, scenario: Scenario, restarts: int, faults: tuple[str, ...] = ()) -> View:
     """The state of a run now.
 
     Args:
         collector: the collected data.
         scenario: its robots and its duration.
         restarts: number of process restarts.
+        faults: the scenario's faults that last now.
     """
     sample, expected = collector.latest, collector.expected
     gaps = gaps_ahead(sample.positions, sample.circle) if expected.spreads else {}
@@ -109,6 +112,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         else None,
         spacing_error(sample.positions, sample.circle) if all_known and expected.spreads else None,
         restarts,
+        faults,
     )
 
 
