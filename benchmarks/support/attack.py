@@ -211,7 +211,7 @@ class _Mind:
         snapshot = Snapshot(history[self._newest][game], sent, 1, now - sent)
         if self._known.learn(now, snapshot) or tick < max(player.waits, 0):
             return STILL
-        certificate = Certificate(state, BODY, ARENA, self._known, self._settings)
+        certificate = Certificate(state, BODY, ARENA, self._known, self._settings, BODY.v_max)
         for command in self._ideas(tick, state, states):
             if not certificate.blocker(command):
                 return command
