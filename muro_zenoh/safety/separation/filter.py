@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation.body import Body, SharedSnapshot
 from muro_zenoh.safety.separation.certificate import Certificate
-from muro_zenoh.safety.separation.guidance import Near, guided, is_busy, rows_of, velocity_of, wall_rows
+from muro_zenoh.safety.separation.courtesy import Courtesy
+from muro_zenoh.safety.separation.guidance import FIDGET, UNHURRIED, Near, guided, rows_of, velocity_of, wall_rows
 from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
 from muro_zenoh.safety.separation.line import Point
 from muro_zenoh.safety.separation.liveness import (
@@ -32,8 +33,6 @@ _SLOW: Final = 0.2
 """A robot that gets out of the way drives this fast [m/s]."""
 _NEARLY_THERE: Final = 0.15
 """Nearer to its target a robot may stand without losing patience [m]."""
-_NEXT_TO: Final = 0.25
-"""A parked robot makes room for those that are nearer than the distance to keep and this [m]."""
 
 
 class Separated(NamedTuple):
@@ -70,6 +69,7 @@ class Separation:
         self._inside = arena.shrunk(keep)
         self._known = Knowledge(name, body, others, settings, walls)
         self._route = Route(arena, self._inside, walls, keep)
+        self._courtesy = Courtesy()
         self._patience = Patience(sorted({name, *others}).index(name))
 
     def step(
@@ -106,9 +106,18 @@ class Separation:
         near = self._known.near(now, state.x, state.y, _LOOK)
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
         stood = self._patience.look(now, state, speed > _WANTS and far)
-        if speed <= _WANTS:
-            given, reason = self._make_room(state, wanted, near, certificate)
+        rests = speed <= _WANTS
+        room = self._courtesy.look(now, state, rests, target, near, self._inside)
+        if room is not None:
+            given, reason = self._make_room(state, *room, near, certificate)
+        elif rests:
+            blocker = certificate.blocker(wanted)
+            given, reason = Separated(STILL, f"keeps clear of {blocker}") if blocker else Separated(wanted, "")
         else:
+            if self._courtesy.returns and speed > UNHURRIED:
+                velocity = velocity[0] * UNHURRIED / speed, velocity[1] * UNHURRIED / speed
+                wanted = guided(state, (), *velocity, UNHURRIED, self._body.omega_max)
+                desired = wanted
             given, reason = self._get_past(now, state, wanted, velocity, near, certificate, target, stood)
         return Separated(given if reason else desired, reason)
 
@@ -150,23 +159,12 @@ class Separation:
         name = who.name if who is not None and when < math.inf else blocker or (near[0].name if near else WALL)
         return Separated(self._certified(twist, certificate, now if stood >= 1.0 else None), f"keeps clear of {name}")
 
-    def _make_room(self, state: State, wanted: Twist2, near: list[Near], certificate: Certificate) -> Separated:
-        """A robot that is where it wants to be gets out of the way of one that drives or waits there."""
-        for other in near:
-            dx, dy = state.x - other.x, state.y - other.y
-            away = math.hypot(dx, dy)
-            if not is_busy(other) or away > other.keep + _NEXT_TO:
-                continue
-            if dx * math.cos(other.theta) + dy * math.sin(other.theta) < 0.25 * away:
-                continue
-            ux, uy = roomiest(state, near, self._inside, 0.75 * _SLOW, other)
-            if (ux, uy) == (0.0, 0.0):
-                continue
-            rows = rows_of(state.x, state.y, near) + wall_rows(state.x, state.y, self._inside)
-            twist = guided(state, rows, ux, uy, _SLOW, self._body.omega_max)
-            return Separated(self._certified(twist, certificate, None), f"makes room for {other.name}")
-        blocker = certificate.blocker(wanted)
-        return Separated(STILL, f"keeps clear of {blocker}") if blocker else Separated(wanted, "")
+    def _make_room(
+        self, state: State, velocity: Point, other: str, near: list[Near], certificate: Certificate
+    ) -> Separated:
+        rows = rows_of(state.x, state.y, near) + wall_rows(state.x, state.y, self._inside)
+        twist = guided(state, rows, *velocity, _SLOW, self._body.omega_max) if velocity != (0.0, 0.0) else STILL
+        return Separated(self._certified(twist, certificate, None), f"makes room for {other}")
 
     def _certified(self, twist: Twist2, certificate: Certificate, waits: float | None) -> Twist2:
         """The twist, or one like it that passes; a robot that waits turns to and fro, so that others see it."""
@@ -179,7 +177,7 @@ class Separation:
                 found = first
                 break
         if waits is not None and abs(found.v) <= 0.02 and abs(found.omega) <= 0.3:
-            turning = Twist2(0.0, 0.4 if math.fmod(waits, 2.0) < 1.0 else -0.4)
+            turning = Twist2(0.0, FIDGET if math.fmod(waits, 2.0) < 1.0 else -FIDGET)
             return found if certificate.blocker(turning) else turning
         return found
 

@@ -36,13 +36,20 @@ class Near(NamedTuple):
     omega: float = 0.0
 
 
+UNHURRIED: Final = 0.11
+"""A robot that makes room, or goes back after that, drives no faster [m/s]: nobody makes room for it in turn."""
+FIDGET: Final = 0.4
+"""A robot that cannot go on turns to and fro with this rate [rad/s]: so others see that it waits."""
+
+
 def is_busy(other: Near) -> bool:
-    """Whether a neighbour drives, or turns because it waits; one that is parked does neither.
+    """Whether a neighbour drives somewhere, or waits to; one that is parked or makes room does neither.
 
     Args:
         other: the neighbour.
     """
-    return math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.15
+    speed = math.hypot(other.vx, other.vy)
+    return speed > 1.2 * UNHURRIED or (speed < 0.03 and 0.5 * FIDGET < abs(other.omega) < 1.3 * FIDGET)
 
 
 def approach_speed(free: float) -> float:
