@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.support.attack import KEPT, Game, play
+from benchmarks.support.attack import KEPT, NEVER, Game, Player, play
 from benchmarks.support.attack_games import random_game, search
 from muro_zenoh.safety.separation import SeparationSettings, certificate, knowledge
 from muro_zenoh.safety.separation.line import Line, Stretch, line_between
@@ -31,6 +31,23 @@ def least(played: Sequence[Game], settings: SeparationSettings = SETTINGS) -> fl
 @pytest.mark.parametrize(("count", "robots"), [(60, 2), (24, 3), (10, 4)])
 def test_robots_that_obey_keep_their_margin(count: int, robots: int) -> None:
     assert least(games(count, robots)) >= KEPT
+
+
+@pytest.mark.parametrize(
+    "game",
+    [
+        # the lines of the last common snapshot given up while the one that goes blind still drives by them
+        (
+            Player(0.130, 0.209, -2.133, 22, cut=71, freezes=112, wakes=237, mended=202, idea=2, seed=1605467077),
+            Player(-0.100, -0.356, 1.563, 24, loss=0.2, cut=4, mended=169, phase=3, waits=107, seed=34801515),
+        ),
+        # a robot at rest that faces away sets off backwards as it goes blind
+        (Player(0.0, 0.0, 2.947, cut=5, freezes=48, wakes=NEVER, waits=42), Player(0.5252, 0.0, 3.2145, 4)),
+    ],
+    ids=["window", "backwards"],
+)
+def test_what_the_attack_once_found(game: Game) -> None:
+    assert play([game], SETTINGS)[0].clearance >= KEPT
 
 
 def test_a_search_finds_no_way_round_it() -> None:
