@@ -16,7 +16,7 @@ _NEXT_TO: Final = 0.25
 _GONE: Final = 0.45
 """... until they are further than the distance to keep and this [m] ..."""
 _LEAST: Final = 4.0
-_MOST: Final = 12.0
+_MOST: Final = 7.0
 """... but for so long at least and at most [s]; then it goes back, and for as long as the least makes no room."""
 _STEP: Final = 0.4
 """How far it goes [m]."""

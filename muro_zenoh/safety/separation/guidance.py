@@ -36,7 +36,7 @@ class Near(NamedTuple):
     omega: float = 0.0
 
 
-UNHURRIED: Final = 0.11
+UNHURRIED: Final = 0.2
 """A robot that makes room, or goes back after that, drives no faster [m/s]: nobody makes room for it in turn."""
 FIDGET: Final = 0.4
 """A robot that cannot go on turns to and fro with this rate [rad/s]: so others see that it waits."""

@@ -137,7 +137,7 @@ class Patience:
                 self._anchor, self._since = here, now
         if now >= self._until:
             self.side, self.retreating = -1.0, False
-            if now - self._since > 1.5 + 0.25 * (self._rank % 10):
+            if now - self._since > 2.5 + 0.25 * (self._rank % 10):
                 self._tries += 1
                 self._since = now
                 if self._tries % 2:
