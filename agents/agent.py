@@ -14,6 +14,7 @@ from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport.station_clock import StationClock
 
 
 class Agent:
@@ -35,18 +36,20 @@ class Agent:
         self._loop = ControlLoop(name, settings)
         self._sender = Sender(bus, name)
         self._listener = Listener(bus, name)
+        self._clock = StationClock(bus, scenario.clocks)
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:
         """Run all tasks; when one crashes, all are cancelled and the agent exits."""
         bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
-        signals = Signals()
+        signals, clock = Signals(), self._clock
         answer_goals(bus, name, loop, self._runner, signals)
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(control(bus, name, loop, self._listener, sender, signals), name="control")
             tasks.create_task(obey_stops(bus, loop, sender, signals), name="stop")
             tasks.create_task(self._runner.run(), name="behaviour")
-            tasks.create_task(report_health(bus, name, loop, self._runner, signals), name="health")
+            tasks.create_task(report_health(bus, name, loop, self._runner, clock, signals), name="health")
+            tasks.create_task(clock.run(), name="clock")
 
 
 def _robot(scenario: Scenario, name: str) -> RobotSettings:

@@ -17,6 +17,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport.station_clock import answer_time
 
 
 class Station:
@@ -37,6 +38,7 @@ class Station:
 
     def __init__(self, bus: Bus, scenario: Scenario, state: Path | None, sources: Sequence[SightingSource]) -> None:
         self.store = StateStore(scenario, state)
+        self._bus = bus
         self._sources = sources
         self._positions = PositionsTask(bus, scenario.robots)
         self._kept = KeptStateTask(bus, self.store)
@@ -50,6 +52,7 @@ class Station:
             ExceptionGroup: the exceptions of a task; a TransportError when another base station is running.
         """
         self._orders.listen()
+        answer_time(self._bus)
         try:
             async with asyncio.TaskGroup() as tasks:
                 for number, source in enumerate(self._sources):

@@ -13,6 +13,7 @@ from muro_zenoh import channels
 from muro_zenoh.messages import Health
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus
+from muro_zenoh.transport.station_clock import StationClock
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +25,7 @@ async def report_health(
     name: str,
     loop: ControlLoop,
     runner: BehaviourRunner,
+    clock: StationClock,
     signals: Signals,
 ) -> None:
     """Report until cancelled.
@@ -33,6 +35,7 @@ async def report_health(
         name: the robot's name.
         loop: the control loop; its measurements are cleared.
         runner: runs the behaviour.
+        clock: ours against the base station's.
         signals: wakes this task; its latencies are cleared.
     """
     publisher = bus.publisher(channels.HEALTH, name)
@@ -53,11 +56,13 @@ async def report_health(
                 role="agent",
                 state=_state(loop, runner),
                 reasons=loop.reasons,
+                complaints=clock.complaints(),
                 numbers={
                     "fixes": loop.fixes,
                     "commands": loop.commands,
                     "command_rate_hz": round(rate, 1),
                     **{f"refused_{what.replace(' ', '_')}": count for what, count in loop.refused.items()},
+                    **clock.numbers(),
                     **bus.numbers(),
                 },
                 samples=samples,

@@ -206,6 +206,7 @@ SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+TIME = Verb("time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR))
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))

@@ -23,8 +23,8 @@ def line_of(view: View) -> str:
     ages = [row.pose_age for row in view.rows if row.pose_age is not None]
     reasons: dict[str, list[str]] = {}
     for row in view.rows:
-        if not row.driving:
-            reasons.setdefault(row.reasons, []).append(row.name)
+        for text in filter(None, (row.reasons, row.complaints)):
+            reasons.setdefault(text, []).append(row.name)
     return (
         f"{view.t:6.1f} s  driving {view.driving}/{len(view.rows)}  "
         f"radius error {_number(view.radius_error, '.3f', ' m')}  "
@@ -118,7 +118,7 @@ def table_of(view: View) -> Any:
             _number(row.command_rate, ".1f"),
             _number(row.calibrated.cal0, ".3f"),
             _number(row.calibrated.calD, ".3f"),
-            row.reasons,
+            "; ".join(filter(None, (row.reasons, row.complaints))),
         )
     return table
 

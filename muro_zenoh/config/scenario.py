@@ -22,6 +22,7 @@ from muro_zenoh.config.sections import (
     BehaviourSettings,
     BusSettings,
     CameraSettings,
+    ClockSettings,
     GoalRow,
     RobotSettings,
     Scenario,
@@ -38,6 +39,7 @@ _SECTIONS: Final[dict[str, Any]] = {
     "arena": ARENA,
     "circle": CIRCLE,
     "bus": BusSettings(),
+    "clocks": ClockSettings(),
     "checks": Checks(),
     "simulation": Simulation(),
 }

@@ -22,6 +22,7 @@ from muro_zenoh.messages.codec import (
     encoding_of,
 )
 from muro_zenoh.messages.orders import (
+    AskTime,
     Behaviour,
     Circle,
     Clear,
@@ -54,6 +55,7 @@ from muro_zenoh.messages.telemetry import (
 __all__ = [
     "MAX_PAYLOAD",
     "VERSION",
+    "AskTime",
     "BaseState",
     "Behaviour",
     "Calibration",

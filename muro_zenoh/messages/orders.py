@@ -69,6 +69,7 @@ class Health(Message, frozen=True, kw_only=True):
         reasons: why it does not drive, most important first.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
+        complaints: what is wrong and does not keep it from driving.
         failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
         behaviour_revision: the revision of the newest order of a behaviour that was obeyed; ``failure`` is about it.
         stop_latched: a stop is latched.
@@ -81,6 +82,7 @@ class Health(Message, frozen=True, kw_only=True):
     role: str
     state: str
     reasons: tuple[str, ...] = ()
+    complaints: tuple[str, ...] = ()
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
     failure: str = ""
@@ -127,10 +129,19 @@ class Clear(Message, frozen=True, kw_only=True):
     name: Name
 
 
+class AskTime(Message, frozen=True, kw_only=True):
+    """A question to the base station whose four time stamps measure the asker's clock (``stamp`` is the first, the
+    Reply has the next two). ``offset``: what the asker has to add to its clock to have the base station's, as far as it
+    has measured that [s]; nil before the first answer."""
+
+    offset: float | None = None
+
+
 class Reply(Message, frozen=True, kw_only=True):
     """The answer to an order: accepted, or refused with the reason. With an accepted one, ``reason`` is why nothing
-    follows from it yet; empty when something does."""
+    follows from it yet; empty when something does. ``received``: when the order came [s, the answerer's clock]."""
 
     accepted: bool
     reason: str = ""
     revision: int = 0
+    received: float = 0.0

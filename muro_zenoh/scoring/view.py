@@ -25,6 +25,7 @@ class RobotRow(NamedTuple):
         gap: gap to the next robot in the direction of travel [rad]; None unless they are to spread evenly.
         command_rate: commands per second [Hz].
         calibrated: its estimated drive calibration.
+        complaints: what is wrong besides.
     """
 
     name: str
@@ -35,6 +36,7 @@ class RobotRow(NamedTuple):
     gap: float | None
     command_rate: float | None
     calibrated: Calibrated
+    complaints: str = ""
 
     @property
     def driving(self) -> bool:
@@ -93,6 +95,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
                 gaps.get(name),
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
+                ", ".join(health.complaints) if health is not None else "",
             )
         )
     all_known = len(sample.positions) == len(scenario.robots)

@@ -31,6 +31,7 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
+from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
@@ -55,6 +56,7 @@ class Bus:
     Attributes:
         epoch: this process's number; drawn at random for each bus.
         counters: what became of the messages, by the channel's word.
+        clocks: other processes' clocks, as far as they were measured; mailboxes judge their messages by them.
     """
 
     def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock) -> None:
@@ -64,6 +66,7 @@ class Bus:
         # 48 bits: exact in every language's numbers
         self.epoch = random.SystemRandom().getrandbits(48) | 1
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
+        self.clocks = KnownClocks()
         self._link = link
         self._loop = asyncio.get_running_loop()
         self._readers: dict[str, list[Inbox[Any]]] = {}
@@ -129,7 +132,7 @@ class Bus:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
         where = key_of(self.realm, channel, name)
-        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after)
+        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after, self.clocks)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()
@@ -214,7 +217,7 @@ class Bus:
             MessageError: the answer is not a reply.
         """
         self._check_open()
-        self._check_role((verb.asked_by,), f"order {verb.word}", "give it")
+        self._check_role(verb.asked_by, f"order {verb.word}", "give it")
         key = verb_key(self.realm, verb, name)
         payload = await self._link.ask(key, encode(self._stamped(order)), encoding_of(verb.kind), timeout)
         if payload is None:
@@ -241,14 +244,15 @@ class Bus:
         self._check_role((verb.answered_by,), f"order {verb.word}", "answer it")
         key = verb_key(self.realm, verb, name)
         word = verb.word if verb.named else f"{verb.answered_by}/{verb.word}"
-        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word])
+        orders = Orders(verb, key, handle, self._send_reply, self.clock, self._loop, self.counters[word])
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None
         return declared
 
-    def _send_reply(self, question: Question, reply: Reply) -> None:
-        question.reply(encode(self._stamped(reply)), encoding_of(Reply))
+    def _send_reply(self, question: Question, reply: Reply, received: float) -> None:
+        reply = msgspec.structs.replace(self._stamped(reply), received=received)
+        question.reply(encode(reply), encoding_of(Reply))
 
     def _stamped(self, message: T) -> T:
         return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch)

@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 from muro_zenoh.channels import Role, Verb
 from muro_zenoh.errors import MessageError, MuroError
 from muro_zenoh.messages import Message, Reply, check_encoding, check_size, decode
+from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.link import Question
 from muro_zenoh.transport.received import Counters
 
@@ -30,7 +31,8 @@ class Orders(Generic[T]):
         verb: which order.
         key: the key, for the log.
         handle: takes an order, returns its reply or something to await for it.
-        send: sends a reply.
+        send: sends a reply to an order that came at a time.
+        clock: for these times.
         loop: where ``handle`` is called.
         counters: what becomes of the orders.
     """
@@ -40,7 +42,8 @@ class Orders(Generic[T]):
         verb: Verb[T],
         key: str,
         handle: Callable[[T], Reply | Awaitable[Reply]],
-        send: Callable[[Question, Reply], None],
+        send: Callable[[Question, Reply, float], None],
+        clock: Clock,
         loop: asyncio.AbstractEventLoop,
         counters: Counters,
     ) -> None:
@@ -48,6 +51,7 @@ class Orders(Generic[T]):
         self._key = key
         self._handle = handle
         self._send = send
+        self._now = clock.now
         self._loop = loop
         self._counters = counters
         self._lock = threading.Lock()
@@ -56,6 +60,7 @@ class Orders(Generic[T]):
 
     def file(self, question: Question) -> None:
         """Take a question from the middleware; from any thread."""
+        arrival = self._now()
         with self._lock:
             self._counters.received += 1
             if self._waiting >= MAX_WAITING:
@@ -63,7 +68,7 @@ class Orders(Generic[T]):
                 return
             self._waiting += 1
         try:
-            self._loop.call_soon_threadsafe(self._take, question)
+            self._loop.call_soon_threadsafe(self._take, question, arrival)
         except RuntimeError:
             log.debug("%s: a question came after the loop had closed", self._key)
 
@@ -74,18 +79,18 @@ class Orders(Generic[T]):
             task.cancel()
         return tasks
 
-    def _take(self, question: Question) -> None:
+    def _take(self, question: Question, arrival: float) -> None:
         answer: Reply | Awaitable[Reply]
         try:
             answer = self._handle(self._read(question))
         except Exception as error:
             answer = self._refusal(error)
         if inspect.isawaitable(answer):
-            task = self._loop.create_task(self._finish(question, answer), name=f"order {self._key}")
+            task = self._loop.create_task(self._finish(question, arrival, answer), name=f"order {self._key}")
             self._tasks[task] = None
             task.add_done_callback(self._tasks.pop)
         else:
-            self._reply(question, answer)
+            self._reply(question, arrival, answer)
 
     def _read(self, question: Question) -> T:
         try:
@@ -96,12 +101,12 @@ class Orders(Generic[T]):
             self._counters.rejected += 1
             raise
 
-    async def _finish(self, question: Question, answer: Awaitable[Reply]) -> None:
+    async def _finish(self, question: Question, arrival: float, answer: Awaitable[Reply]) -> None:
         try:
             reply = await answer
         except Exception as error:
             reply = self._refusal(error)
-        self._reply(question, reply)
+        self._reply(question, arrival, reply)
 
     def _refusal(self, error: Exception) -> Reply:
         """What is replied in place of an error; called while it is handled."""
@@ -110,10 +115,10 @@ class Orders(Generic[T]):
         log.exception("%s: taking the order failed", self._key)
         return Reply(accepted=False, reason=f"taking it failed: {type(error).__name__}: {error}")
 
-    def _reply(self, question: Question, reply: Reply) -> None:
+    def _reply(self, question: Question, arrival: float, reply: Reply) -> None:
         with self._lock:
             self._waiting -= 1
-        self._send(question, reply)
+        self._send(question, reply, arrival)
 
 
 def nobody_answered(verb: Verb[Any], key: str, name: str, timeout: float) -> str:
