@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -23,7 +24,7 @@ from muro_zenoh.supervision.child import Child
 from muro_zenoh.supervision.folder import REPORT, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
-from muro_zenoh.transport import open_bus
+from muro_zenoh.transport import Bus, open_bus
 from muro_zenoh.wording import counted
 
 INTERRUPTED = 130
@@ -81,6 +82,10 @@ class Screen(Protocol):
         """Show the state of the run; called a few times a second."""
         ...
 
+    def operating(self, bus: Bus) -> AbstractContextManager[None]:
+        """Let the operator's keys be orders on a bus, within a block."""
+        ...
+
     def __enter__(self) -> Screen: ...
 
     def __exit__(
@@ -124,9 +129,10 @@ async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) ->
             collector = Collector(bus, scenario)
             collecting = asyncio.create_task(collector.run(), name="collect")
             try:
-                await starting
-                screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
-                return await _watch(settings, supervisor, screen, collector, collecting)
+                with screen.operating(bus):
+                    await starting
+                    screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
+                    return await _watch(settings, supervisor, screen, collector, collecting)
             finally:
                 collecting.cancel()
                 with contextlib.suppress(asyncio.CancelledError):
