@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from agents.control_loop import ControlLoop
+from agents.master import Master
 from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tasks.health import report_health
@@ -34,8 +35,9 @@ class Agent:
         self._bus = bus
         self._name = name
         self._loop = ControlLoop(name, settings)
+        self._master = Master(bus, name)
         self._sender = Sender(bus, name)
-        self._listener = Listener(bus, name)
+        self._listener = Listener(bus, name, self._master)
         self._clock = StationClock(bus, scenario.clocks)
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
@@ -43,12 +45,14 @@ class Agent:
         """Run all tasks; when one crashes, all are cancelled and the agent exits."""
         bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
         signals, clock = Signals(), self._clock
-        answer_goals(bus, name, loop, self._runner, signals)
+        answer_goals(bus, name, loop, self._runner, self._master, signals)
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(control(bus, name, loop, self._listener, sender, signals), name="control")
             tasks.create_task(obey_stops(bus, loop, sender, signals), name="stop")
             tasks.create_task(self._runner.run(), name="behaviour")
-            tasks.create_task(report_health(bus, name, loop, self._runner, clock, signals), name="health")
+            tasks.create_task(
+                report_health(bus, name, loop, self._runner, clock, self._listener, signals), name="health"
+            )
             tasks.create_task(clock.run(), name="clock")
 
 

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
+from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from basestation.localization.sightings import SightingSource
 from basestation.tasks.health import HealthTask
@@ -41,8 +42,9 @@ class Station:
         self._bus = bus
         self._sources = sources
         self._positions = PositionsTask(bus, scenario.robots)
-        self._kept = KeptStateTask(bus, self.store)
-        self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
+        leases = Leases(self.store.state.leases, bus.clock.now(), self.store.keep_leases)
+        self._kept = KeptStateTask(bus, self.store, leases)
+        self._orders = OrdersTask(bus, self.store, self._kept, leases, self._positions)
         self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))
 
     async def run(self) -> None:

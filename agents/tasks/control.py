@@ -7,11 +7,12 @@ import math
 from typing import Any, Final, TypeVar
 
 from agents.control_loop import ControlLoop, Outgoing, Surroundings
+from agents.master import Master, SpeedWriters
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
 from muro_zenoh.messages import Circle as CircleMessage
-from muro_zenoh.messages import FleetSnapshot, Message, PoseFix, SpeedReference
+from muro_zenoh.messages import FleetSnapshot, Message, PoseFix
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
 
 T = TypeVar("T", bound=Message)
@@ -52,13 +53,15 @@ class Listener:
     Args:
         bus: the bus.
         name: the robot's name.
+        master: whose velocities count.
     """
 
-    def __init__(self, bus: Bus, name: str) -> None:
+    def __init__(self, bus: Bus, name: str, master: Master) -> None:
         self._bus = bus
         self._name = name
+        self._master = master
         self._circle: Latest[CircleMessage] | None = None
-        self._speed: Latest[SpeedReference] | None = None
+        self._speed: SpeedWriters | None = None
         self._snapshot: Latest[FleetSnapshot] | None = None
 
     def need(self, needs: frozenset[Need]) -> None:
@@ -71,7 +74,7 @@ class Listener:
             self._speed.close()
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
         self._snapshot = self._needed(Need.SNAPSHOT in needs, self._snapshot, channels.ALL_POSITIONS)
-        self._speed = self._bus.latest(channels.VELOCITY, self._name) if Need.SPEED in needs else None
+        self._speed = SpeedWriters(self._bus, self._name, self._master) if Need.SPEED in needs else None
 
     def _needed(self, needed: bool, box: Latest[T] | None, channel: Channel[T]) -> Latest[T] | None:
         if needed:
@@ -80,6 +83,11 @@ class Listener:
             box.close()
         return None
 
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What was received and is not followed, for the operator."""
+        return (self._speed.complaint,) if self._speed is not None and self._speed.complaint else ()
+
     def surroundings(self, now: float) -> Surroundings:
         """What has been received until now.
 
@@ -87,7 +95,7 @@ class Listener:
             now: the time [s].
         """
         circle = self._circle.get() if self._circle is not None else None
-        speed, speed_age = _fresh(self._speed, now, channels.VELOCITY.stale_after)
+        speed, speed_age = self._speed.followed(now) if self._speed is not None else (None, math.inf)
         snapshot, snapshot_age = _fresh(self._snapshot, now, channels.ALL_POSITIONS.stale_after)
         return Surroundings(
             circle.message.circle if circle is not None else None,

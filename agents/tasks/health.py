@@ -8,7 +8,7 @@ import logging
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
-from agents.tasks.control import Signals
+from agents.tasks.control import Listener, Signals
 from muro_zenoh import channels
 from muro_zenoh.messages import Health
 from muro_zenoh.runtime.waiting import WaitingLog
@@ -26,6 +26,7 @@ async def report_health(
     loop: ControlLoop,
     runner: BehaviourRunner,
     clock: StationClock,
+    listener: Listener,
     signals: Signals,
 ) -> None:
     """Report until cancelled.
@@ -36,6 +37,7 @@ async def report_health(
         loop: the control loop; its measurements are cleared.
         runner: runs the behaviour.
         clock: ours against the base station's.
+        listener: receives what the behaviour needs.
         signals: wakes this task; its latencies are cleared.
     """
     publisher = bus.publisher(channels.HEALTH, name)
@@ -56,7 +58,7 @@ async def report_health(
                 role="agent",
                 state=_state(loop, runner),
                 reasons=loop.reasons,
-                complaints=clock.complaints(),
+                complaints=(*listener.complaints, *clock.complaints()),
                 numbers={
                     "fixes": loop.fixes,
                     "commands": loop.commands,

@@ -66,7 +66,7 @@ def _verb_pattern(verb: Verb[Any]) -> str:
 
 def _message_table() -> str:
     kinds: dict[Any, None] = dict.fromkeys(
-        [*(c.kind for c in CHANNELS), m.RobotState, *(v.kind for v in VERBS), m.Reply]
+        [*(c.kind for c in CHANNELS), m.RobotState, m.Lease, *(v.kind for v in VERBS), m.Reply]
     )
     common = {f.name for f in msgspec.structs.fields(m.Message)}
     rows = []

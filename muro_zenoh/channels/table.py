@@ -191,6 +191,18 @@ STOP = Channel(
     named="",
     note="the whole state, never a difference; an operator's stop also goes to the agents directly",
 )
+LEASE = Channel(
+    word="lease",
+    kind=m.LeaseState,
+    writers=(KEPT,),
+    readers=(CONTROL,),
+    delivery="kept",
+    rate=2.0,
+    pacing="and on change",
+    stale_after=3.0,
+    named="",
+    note="whose orders and velocities count; none for a robot that nobody holds",
+)
 TRUTH = Channel(
     word="truth",
     kind=m.Truth,
@@ -206,6 +218,7 @@ SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+TAKE_LEASE = Verb("lease", m.TakeLease)
 TIME = Verb("time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR))
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 

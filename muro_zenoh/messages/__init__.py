@@ -21,6 +21,7 @@ from muro_zenoh.messages.codec import (
     encode,
     encoding_of,
 )
+from muro_zenoh.messages.lease import Lease, LeaseState, TakeLease
 from muro_zenoh.messages.orders import (
     AskTime,
     Behaviour,
@@ -68,6 +69,8 @@ __all__ = [
     "Frame",
     "Goal",
     "Health",
+    "Lease",
+    "LeaseState",
     "Message",
     "Name",
     "Odometry",
@@ -82,6 +85,7 @@ __all__ = [
     "SpeedReference",
     "Stop",
     "StopOrder",
+    "TakeLease",
     "Truth",
     "Value",
     "VelocityCommand",

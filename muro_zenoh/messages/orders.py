@@ -8,15 +8,18 @@ from msgspec import Meta, field
 
 from muro_zenoh import geometry
 from muro_zenoh.messages.base import Message, Name, Value
+from muro_zenoh.messages.lease import Text
 from muro_zenoh.quantities import LEAST
 
 
 class Goal(Message, frozen=True, kw_only=True):
-    """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter."""
+    """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter. ``operator``: whose
+    order it is."""
 
     x: float
     y: float
     theta: float | None = None
+    operator: Text = ""
 
 
 class Circle(Message, frozen=True, kw_only=True):
@@ -94,20 +97,23 @@ class Health(Message, frozen=True, kw_only=True):
 
 
 class SetCircle(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the circle. What is nil stays unchanged."""
+    """An order to the base station: change the circle. What is nil stays unchanged. ``operator``: whose order it is."""
 
     x: float | None = None
     y: float | None = None
     radius: Annotated[float, Meta(ge=LEAST)] | None = None
     clockwise: bool | None = None
+    operator: Text = ""
 
 
 class SetBehaviour(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the behaviour of ``names`` (empty: all robots)."""
+    """An order to the base station: change the behaviour of ``names`` (empty: all robots). ``operator``: whose order it
+    is."""
 
     behaviour: str
     parameters: dict[str, Value] = field(default_factory=dict)
     names: tuple[Name, ...] = ()
+    operator: Text = ""
 
 
 class Stop(Message, frozen=True, kw_only=True):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
-from contextlib import AbstractContextManager
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -13,13 +12,14 @@ from typing import Any, NamedTuple, Protocol
 
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
-from muro_zenoh.errors import SupervisionError
+from muro_zenoh.errors import OrderRefused, SupervisionError
+from muro_zenoh.orders.lease import holding
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
-from muro_zenoh.supervision import launch
+from muro_zenoh.supervision import joining, launch
 from muro_zenoh.supervision.child import Child
 from muro_zenoh.supervision.folder import REPORT, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
@@ -33,6 +33,9 @@ INTERRUPTED = 130
 _VIEW_PERIOD = 0.25
 _USAGE_PERIOD = 1.0
 
+_START_PATIENCE = 5.0
+"""A base station that is ready answers within this time [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
@@ -42,7 +45,7 @@ class RunSettings:
         scenario: the scenario.
         folder: of the run.
         seed: the simulator's seed.
-        connect: endpoint of a running router; None to start one.
+        connect: endpoint of a running router, with the processes of the fleet that are there; None to start one.
     """
 
     scenario: Scenario
@@ -108,8 +111,8 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
         try:
             async with Supervisor(settings.folder, screen.notify) as supervisor:
                 seen = await _run(settings, supervisor, screen)
-        except SupervisionError as error:
-            screen.notify(f"failed: {error}")
+        except (SupervisionError, OrderRefused) as error:
+            screen.notify(f"{'refused' if isinstance(error, OrderRefused) else 'failed'}: {error}")
             return RunResult(None, interrupted=False)
         except asyncio.CancelledError:
             screen.notify("interrupted before all processes were ready")
@@ -122,43 +125,76 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
 
 async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) -> Observed:
     """From the first process to the end of the run; the supervisor stops the processes."""
-    began = asyncio.get_running_loop().time()
-    scenario, starting = await _start(settings, supervisor, screen)
-    try:
-        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
-            collector = Collector(bus, scenario)
-            collecting = asyncio.create_task(collector.run(), name="collect")
-            try:
-                with screen.operating(bus):
-                    await starting
-                    screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
-                    return await _watch(settings, supervisor, screen, collector, collecting)
-            finally:
-                collecting.cancel()
-                with contextlib.suppress(asyncio.CancelledError):
-                    await collecting
-    finally:
-        starting.cancel()
-        await asyncio.wait({starting})
-
-
-async def _start(
-    settings: RunSettings, supervisor: Supervisor, screen: Screen
-) -> tuple[Scenario, asyncio.Task[list[Child]]]:
-    """Start every process; return the scenario with the router's endpoint, and a task that ends when all are ready."""
-    scenario, folder = settings.scenario, settings.folder
     if settings.connect is not None:
-        scenario = launch.connected_to(scenario, settings.connect)
-        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder)
-        return scenario, asyncio.create_task(supervisor.start(specs), name="start the fleet")
-    scenario, starting = await launch.start_all(supervisor, scenario, settings.seed, folder)
+        return await _run_on(settings.connect, settings, supervisor, screen)
+    scenario, starting = await launch.start_all(supervisor, settings.scenario, settings.seed, settings.folder)
     endpoint = scenario.bus.connect[0]
     if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
         screen.notify(
             f"port {launch.PORT} is in use, so this fleet has its own router on {endpoint}: "
             f"connect to it with --connect {endpoint}"
         )
-    return scenario, starting
+    try:
+        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
+            return await _observe(settings, scenario, supervisor, screen, bus, starting, joining.NOBODY)
+    finally:
+        await _ended(starting)
+
+
+async def _run_on(endpoint: str, settings: RunSettings, supervisor: Supervisor, screen: Screen) -> Observed:
+    """A run on a router that is there, with the processes of its fleet that are there."""
+    scenario, folder = launch.connected_to(settings.scenario, endpoint), settings.folder
+    async with open_bus(scenario.bus, Role.OPERATOR) as bus, AsyncExitStack() as stack:
+        there = await joining.look(bus, scenario.robots)
+        if there.basestation:  # before anything is started or ordered
+            await stack.enter_async_context(_holding(bus, scenario, screen))
+            stack.push_async_callback(joining.leave, bus, there.robots)
+        if there.processes:
+            screen.notify(f"running already: {' '.join(sorted(there.processes))}")
+        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder)
+        missing = [spec for spec in specs if spec.name not in there.processes]
+        starting = asyncio.create_task(supervisor.start(missing), name="start the fleet")
+        stack.push_async_callback(_ended, starting)
+        return await _observe(settings, scenario, supervisor, screen, bus, starting, there)
+
+
+def _holding(bus: Bus, scenario: Scenario, screen: Screen, patience: float = 0.0) -> AbstractAsyncContextManager[None]:
+    def lost(reason: str) -> None:
+        screen.notify(f"the robots are no longer held by this run: {reason}")
+
+    return holding(bus, "muro run", scenario.robots, lost=lost, patience=patience)
+
+
+async def _observe(
+    settings: RunSettings,
+    scenario: Scenario,
+    supervisor: Supervisor,
+    screen: Screen,
+    bus: Bus,
+    starting: asyncio.Task[list[Child]],
+    there: joining.There,
+) -> Observed:
+    """From the start of the processes to the end of the run."""
+    began = asyncio.get_running_loop().time()
+    collector = Collector(bus, scenario)
+    collecting = asyncio.create_task(collector.run(), name="collect")
+    try:
+        async with AsyncExitStack() as stack:
+            stack.enter_context(screen.operating(bus))
+            await starting
+            screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
+            if there.basestation:  # it keeps what was ordered before
+                await joining.order(bus, scenario)
+            else:
+                await stack.enter_async_context(_holding(bus, scenario, screen, _START_PATIENCE))
+            return await _watch(settings, supervisor, screen, collector, collecting)
+    finally:
+        await _ended(collecting)
+
+
+async def _ended(task: asyncio.Task[Any]) -> None:
+    task.cancel()
+    await asyncio.wait({task})
 
 
 async def _watch(

@@ -31,6 +31,7 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
+from muro_zenoh.runtime.operator import operator_name
 from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
@@ -56,6 +57,7 @@ class Bus:
     Attributes:
         epoch: this process's number; drawn at random for each bus.
         counters: what became of the messages, by the channel's word.
+        operator: who gives orders from this process; its orders and velocities say so.
         clocks: other processes' clocks, as far as they were measured; mailboxes judge their messages by them.
     """
 
@@ -66,6 +68,7 @@ class Bus:
         # 48 bits: exact in every language's numbers
         self.epoch = random.SystemRandom().getrandbits(48) | 1
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
+        self.operator = operator_name() if Role.OPERATOR in self.roles else ""
         self.clocks = KnownClocks()
         self._link = link
         self._loop = asyncio.get_running_loop()
@@ -102,7 +105,13 @@ class Bus:
             # Mailboxes of `*` that were declared first get the new key's messages too.
             readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
         publisher: Publisher[T] = Publisher(
-            key, link, readers, self.clock, (self.epoch, self._numbers[key]), self.counters[channel.word]
+            key,
+            link,
+            readers,
+            self.clock,
+            (self.epoch, self._numbers[key]),
+            self.counters[channel.word],
+            self.operator if "operator" in channel.kind.__struct_fields__ else "",
         )
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
@@ -255,7 +264,8 @@ class Bus:
         question.reply(encode(reply), encoding_of(Reply))
 
     def _stamped(self, message: T) -> T:
-        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch)
+        signed = {"operator": self.operator} if getattr(message, "operator", None) == "" else {}
+        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch, **signed)
 
     # ---- looking at anything
 
