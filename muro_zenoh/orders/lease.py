@@ -22,7 +22,7 @@ _RELEASE_TIMEOUT: Final = 0.5
 
 @asynccontextmanager
 async def holding(
-    bus: Bus, program: str, names: tuple[str, ...], *, lost: Callable[[str], None], patience: float = 0.0
+    bus: Bus, program: str, names: tuple[str, ...], *, lost: Callable[[str], None], patience: float | None = 0.0
 ) -> AsyncIterator[None]:
     """Hold robots within a block: orders and velocities of others are refused.
 
@@ -31,15 +31,17 @@ async def holding(
         program: what holds them, such as ``muro run``.
         names: which robots; none for all.
         lost: called with the reason, once, when somebody else has them: after a time without a base station.
-        patience: how long to wait for a base station that is starting [s].
+        patience: how long to wait for a base station that is starting [s]; None to go on at once, and to hold the
+            robots when it answers.
 
     Raises:
         OrderRefused: somebody else holds one of them; the text says who, since when.
         NoReply: there is no base station.
     """
     order = TakeLease(program=program, operator=bus.operator, names=names)
-    await _take(bus, order, patience)
-    renewing = asyncio.create_task(_renew(bus, order, lost), name="renew the lease")
+    if patience is not None:
+        await _take(bus, order, patience)
+    renewing = asyncio.create_task(_renew(bus, order, lost, waiting=patience is None), name="renew the lease")
     try:
         yield
     finally:
@@ -66,12 +68,13 @@ async def _take(bus: Bus, order: TakeLease, patience: float) -> None:
         return
 
 
-async def _renew(bus: Bus, order: TakeLease, lost: Callable[[str], None]) -> None:
-    has_it = True
+async def _renew(bus: Bus, order: TakeLease, lost: Callable[[str], None], *, waiting: bool) -> None:
+    has_it = True  # or, while it waits, expects to have it
     while True:
-        await asyncio.sleep(_RENEWAL_PERIOD)
+        await asyncio.sleep(_RETRY_PERIOD if waiting else _RENEWAL_PERIOD)
         with contextlib.suppress(MuroError):  # the base station may be restarting
             reply = await bus.ask(channels.TAKE_LEASE, order)
+            waiting = False
             if has_it and not reply.accepted:
                 lost(reply.reason)
             has_it = reply.accepted

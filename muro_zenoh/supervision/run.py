@@ -33,8 +33,8 @@ INTERRUPTED = 130
 _VIEW_PERIOD = 0.25
 _USAGE_PERIOD = 1.0
 
-_START_PATIENCE = 5.0
-"""A base station that is ready answers within this time [s]."""
+_PATIENCE = 2.0
+"""A base station that is alive answers within this time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ async def _run_on(endpoint: str, settings: RunSettings, supervisor: Supervisor, 
     async with open_bus(scenario.bus, Role.OPERATOR) as bus, AsyncExitStack() as stack:
         there = await joining.look(bus, scenario.robots)
         if there.basestation:  # before anything is started or ordered
-            await stack.enter_async_context(_holding(bus, scenario, screen))
+            await stack.enter_async_context(_holding(bus, scenario, screen, patience=_PATIENCE))
             stack.push_async_callback(joining.leave, bus, there.robots)
         if there.processes:
             screen.notify(f"running already: {' '.join(sorted(there.processes))}")
@@ -158,7 +158,9 @@ async def _run_on(endpoint: str, settings: RunSettings, supervisor: Supervisor, 
         return await _observe(settings, scenario, supervisor, screen, bus, starting, there)
 
 
-def _holding(bus: Bus, scenario: Scenario, screen: Screen, patience: float = 0.0) -> AbstractAsyncContextManager[None]:
+def _holding(
+    bus: Bus, scenario: Scenario, screen: Screen, *, patience: float | None
+) -> AbstractAsyncContextManager[None]:
     def lost(reason: str) -> None:
         screen.notify(f"the robots are no longer held by this run: {reason}")
 
@@ -186,7 +188,7 @@ async def _observe(
             if there.basestation:  # it keeps what was ordered before
                 await joining.order(bus, scenario)
             else:
-                await stack.enter_async_context(_holding(bus, scenario, screen, _START_PATIENCE))
+                await stack.enter_async_context(_holding(bus, scenario, screen, patience=None))
             return await _watch(settings, supervisor, screen, collector, collecting)
     finally:
         await _ended(collecting)

@@ -60,6 +60,20 @@ def test_whoever_does_not_hold_the_robots_is_refused_and_told_who_does() -> None
     run_virtually(main())
 
 
+def test_robots_are_held_when_the_base_station_comes_where_nobody_waits_for_it() -> None:
+    async def main() -> None:
+        async with two_operators() as (fleet, alice, bob):
+            await fleet.end_station()
+            async with holding(alice, "muro run", ("r1",), lost=lost, patience=None):
+                await asyncio.sleep(2.0)
+                await fleet.start_station()
+                await asyncio.sleep(1.5)
+                hold = SetBehaviour(behaviour="hold", names=("r1",))
+                assert (await bob.ask(channels.SET_BEHAVIOUR, hold)).reason.startswith(HELD)
+
+    run_virtually(main())
+
+
 def test_a_crashed_holders_lease_ends_after_3_s() -> None:
     async def main() -> None:
         async with two_operators() as (_, alice, bob):

@@ -70,6 +70,15 @@ def test_a_clock_that_was_set_is_noticed_with_the_next_answer(step: float) -> No
     assert estimate.best.offset == pytest.approx(5.0 + step, abs=1e-3)
 
 
+def test_after_a_clock_was_set_a_slow_answer_counts_more_than_the_quick_ones_before() -> None:
+    estimate = OffsetEstimate()
+    for k in range(10):
+        estimate.add(trip(1e6 + k, 5.0, 1e-4, 1e-4))
+    assert estimate.add(trip(1e6 + 10.0, 4.0, 0.05, 0.05)) == pytest.approx(-1.0)
+    assert estimate.best is not None
+    assert estimate.best.offset == pytest.approx(4.0)
+
+
 def test_a_way_that_grew_longer_is_no_clock_that_was_set() -> None:
     estimate = OffsetEstimate()
     for k in range(100):
