@@ -10,8 +10,16 @@ from collections.abc import Callable, Iterator
 
 
 def has_keyboard() -> bool:
-    """Whether the standard input is a terminal."""
-    return sys.stdin is not None and sys.stdin.isatty()
+    """Whether the standard input is a terminal, and this process in its foreground: one in the background that sets or
+    reads the terminal is suspended by it."""
+    return sys.stdin is not None and sys.stdin.isatty() and _in_foreground(sys.stdin.fileno())
+
+
+def _in_foreground(terminal: int) -> bool:
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return False
 
 
 @contextlib.contextmanager
@@ -29,6 +37,8 @@ def keyboard(press: Callable[[str], None]) -> Iterator[None]:
     loop = asyncio.get_running_loop()
 
     def read() -> None:
+        if not _in_foreground(terminal):
+            return  # it was sent to the background meanwhile: these keys are the shell's
         try:
             keys = os.read(terminal, 1024)
         except OSError:
@@ -44,4 +54,5 @@ def keyboard(press: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         loop.remove_reader(terminal)
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        if _in_foreground(terminal):
+            termios.tcsetattr(terminal, termios.TCSADRAIN, before)

@@ -81,3 +81,16 @@ def test_the_space_bar_stops_the_fleet_and_r_and_y_resume_it() -> None:
         assert terminal.wait(15) == 130
         assert terminal.line_by_line  # as it was before
     assert "Traceback" not in terminal.shown
+
+
+def test_a_run_in_the_background_is_not_suspended_by_its_terminal() -> None:
+    """It has the terminal, and another process is in its foreground."""
+    shell = (
+        "import os, subprocess, sys; "
+        "child = subprocess.Popen([sys.executable, '-P', *sys.argv[1:]], process_group=0); "
+        "sys.exit(child.wait())"
+    )
+    with Terminal(["-c", shell, *RUN, "hold", "--robots", "1", "--duration", "2"]) as terminal:
+        assert terminal.wait(30) == 0
+    assert "hold: 1 robot, 2 s" in plain(terminal.shown)
+    assert "space: stop" not in terminal.shown

@@ -69,6 +69,16 @@ def odometry(v: float, omega: float) -> Odometry:
     return message
 
 
+def test_wheels_that_turn_again_do_not_stand() -> None:
+    robot = Watched()
+    robot.health(0.0, latched=True)
+    robot.odometry(0.04, 0.0, 0.0)
+    robot.odometry(0.08, 0.01, 0.3)
+    assert robot.receipt(0.1).status is StopStatus.MOVING
+    robot.odometry(0.12, 0.02, 0.0)
+    assert robot.receipt(0.2).at_rest == pytest.approx(0.12)
+
+
 def test_wheels_that_fall_silent_are_not_known_to_stand() -> None:
     robot = Watched()
     robot.health(0.0, latched=True)
