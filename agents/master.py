@@ -25,6 +25,10 @@ class Master:
         self._now = bus.clock.now
         self._state = bus.latest(channels.LEASE)
 
+    def look(self) -> None:
+        """Read what the base station says. Call it more often than that is repeated, or the bus counts it as unread."""
+        self._state.get()
+
     @property
     def lease(self) -> Lease | None:
         """The lease that is in force now, base station or not; None when nobody holds this robot."""

@@ -94,6 +94,7 @@ class Listener:
         Args:
             now: the time [s].
         """
+        self._master.look()
         circle = self._circle.get() if self._circle is not None else None
         speed, speed_age = self._speed.followed(now) if self._speed is not None else (None, math.inf)
         snapshot, snapshot_age = _fresh(self._snapshot, now, channels.ALL_POSITIONS.stale_after)
