@@ -44,10 +44,12 @@ class Room:
         robots = list(scenario.robot.values())
         hidden = scenario.simulation
         radii = np.array([robot.radius for robot in robots])
-        starts = random_starts(rng, len(robots), scenario.arena, radii)
+        starts = random_starts(
+            rng, len(robots), scenario.arena, radii, max(scenario.separation.margin, scenario.separation.wall_margin)
+        )
         limits = [robot.wheels for robot in robots]
         self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
-        self.floor = Floor(self.plant, bus.clock)
+        self.floor = Floor(self.plant, bus.clock, scenario.timeouts.command)
         self.cameras = {
             name: SimulatedCamera(
                 bus.publisher(channels.CAMERA, name), camera, scenario, self.floor, seed + index, executor
@@ -55,6 +57,7 @@ class Room:
             for index, (name, camera) in enumerate(scenario.camera.items())
         }
         self._bus = bus
+        self._dead_man = scenario.timeouts.command
         self._wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
@@ -64,7 +67,7 @@ class Room:
     async def run(self) -> None:
         """Run bases, plant and cameras."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(run_bases(self._bus, self._wheels, self._bus.clock), name="bases")
+            tasks.create_task(run_bases(self._bus, self._wheels, self._bus.clock, self._dead_man), name="bases")
             tasks.create_task(self._publish_truth(), name="truth")
             for name, camera in self.cameras.items():
                 tasks.create_task(camera.run(), name=f"camera {name}")

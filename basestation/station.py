@@ -41,7 +41,7 @@ class Station:
         self.store = StateStore(scenario, state)
         self._bus = bus
         self._sources = sources
-        self._positions = PositionsTask(bus, scenario.robots)
+        self._positions = PositionsTask(bus, scenario.robots, scenario.timeouts.pose)
         leases = Leases(self.store.state.leases, bus.clock.now(), self.store.keep_leases)
         self._kept = KeptStateTask(bus, self.store, leases)
         self._orders = OrdersTask(bus, self.store, self._kept, leases, self._positions)

@@ -10,13 +10,14 @@ import math
 
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
+from muro_zenoh.config import TIMEOUTS
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Received
 
 log = logging.getLogger(__name__)
 
-DEAD_MAN = channels.CMD_VEL.stale_after
-"""Maximum age of a command that the wheels follow [s]."""
+DEAD_MAN = TIMEOUTS.command
+"""Maximum age of a command that the wheels follow, unless the settings have another [s]."""
 
 
 class Base:
@@ -25,13 +26,15 @@ class Base:
     Args:
         name: the robot's name, for the log.
         wheels: the wheels that it drives.
+        dead_man: maximum age of a command that the wheels follow [s].
 
     Attributes:
         overtaken: how many commands were ignored because a later one of their writer had come before them.
     """
 
-    def __init__(self, name: str, wheels: Wheels) -> None:
+    def __init__(self, name: str, wheels: Wheels, dead_man: float = DEAD_MAN) -> None:
         self._name = name
+        self._dead_man = dead_man
         self._wheels = wheels
         self._reading = wheels.read()
         self.overtaken = 0
@@ -52,7 +55,7 @@ class Base:
             now: the time, for its age [s].
         """
         age = received.age(now)
-        if not age <= DEAD_MAN:  # written so that a NaN is refused too
+        if not age <= self._dead_man:  # written so that a NaN is refused too
             return  # stale: part of a backlog
         command = received.message
         if not command.epoch:
@@ -66,7 +69,7 @@ class Base:
             self._ignore_overtaken(command.seq)
             return
         self._seq = command.seq
-        self._expires = now - age + DEAD_MAN
+        self._expires = now - age + self._dead_man
         if now <= self._contested or self._wheels.read().hazard:
             self.stop()
             return
@@ -117,7 +120,7 @@ class Base:
         # Written so that an invalid time stops the wheels too.
         if not now <= self._expires and not self._dead:
             self._dead = True
-            log.warning("%s: no fresh command for %g s, wheels at zero", self._name, DEAD_MAN)
+            log.warning("%s: no fresh command for %g s, wheels at zero", self._name, self._dead_man)
         if self._dead or self._reading.hazard:
             self.stop()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from agents.base.wheels import WheelReading
@@ -23,18 +25,22 @@ class Floor:
     Args:
         plant: the robots.
         clock: the clock to follow.
+        watchdog: a command is driven for this time after it was given, as wheels do that have a watchdog of their own
+            [s]. Their base gives it up earlier; but one that was frozen catches up before it looks at the time.
 
     Attributes:
         commands: (N, 2), the current commands: v [m/s], omega [rad/s].
         lost: skipped time, because this process was suspended [s].
     """
 
-    def __init__(self, plant: Plant, clock: Clock) -> None:
+    def __init__(self, plant: Plant, clock: Clock, watchdog: float = math.inf) -> None:
         self.commands: Array = np.zeros((len(plant), 2))
         self.lost = 0.0
         self._plant = plant
         self._clock = clock
         self._time = clock.now()
+        self._watchdog = watchdog
+        self._given = np.full(len(plant), -math.inf)
         self._readings: list[WheelReading] = []  # cached until the plant moves
 
     @property
@@ -57,10 +63,23 @@ class Floor:
             self._time += behind - _MAX_CATCH_UP
             behind = _MAX_CATCH_UP
         for _ in range(int(behind / STEP)):
+            self.commands[self._time - self._given > self._watchdog] = 0.0
             self._plant.step(self.commands, STEP)
             self._time += STEP
         self._readings = []
         return self._time
+
+    def command(self, row: int, v: float, omega: float) -> None:
+        """Turn a robot's wheels from now on.
+
+        Args:
+            row: the robot's row.
+            v: forward speed of a nominal robot [m/s].
+            omega: its turning speed [rad/s].
+        """
+        self.catch_up()  # the old command applied until now
+        self.commands[row] = v, omega
+        self._given[row] = self._clock.now()
 
     def reading(self, row: int) -> WheelReading:
         """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edges.
@@ -90,8 +109,7 @@ class SimulatedWheels:
 
     def command(self, v: float, omega: float) -> None:
         """Turn the wheels so that a nominal robot would drive at ``v`` [m/s] and ``omega`` [rad/s]."""
-        self._floor.catch_up()  # the old command applied until now
-        self._floor.commands[self._row] = v, omega
+        self._floor.command(self._row, v, omega)
 
     def read(self) -> WheelReading:
         """What the encoders of nominal wheels report."""

@@ -6,11 +6,13 @@ import asyncio
 import math
 from typing import Any, Final, TypeVar
 
-from agents.control_loop import ControlLoop, Outgoing, Surroundings
+from agents.control_loop import ControlLoop, Surroundings
 from agents.master import Master, SpeedWriters
+from agents.outgoing import Outgoing
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
+from muro_zenoh.config import TIMEOUTS, Timeouts
 from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.messages import FleetSnapshot, Message, PoseFix
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
@@ -48,15 +50,26 @@ class Sender:
 
 
 class Listener:
-    """Receives what the running behaviour needs, and nothing else.
+    """Receives what the running behaviour needs, what the control loop always needs, and nothing else.
 
     Args:
         bus: the bus.
         name: the robot's name.
         master: whose velocities count.
+        timeouts: how old the positions of all robots may be.
+        always: what is received whatever the behaviour needs.
     """
 
-    def __init__(self, bus: Bus, name: str, master: Master) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        name: str,
+        master: Master,
+        timeouts: Timeouts = TIMEOUTS,
+        always: frozenset[Need] = frozenset(),
+    ) -> None:
+        self._always = always
+        self._snapshot_timeout = timeouts.snapshot
         self._bus = bus
         self._name = name
         self._master = master
@@ -70,6 +83,7 @@ class Listener:
         Args:
             needs: needs of the behaviour that starts.
         """
+        needs |= self._always
         if self._speed is not None:  # a speed for the previous behaviour is not one for this behaviour
             self._speed.close()
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
@@ -97,7 +111,7 @@ class Listener:
         self._master.look()
         circle = self._circle.get() if self._circle is not None else None
         speed, speed_age = self._speed.followed(now) if self._speed is not None else (None, math.inf)
-        snapshot, snapshot_age = _fresh(self._snapshot, now, channels.ALL_POSITIONS.stale_after)
+        snapshot, snapshot_age = _fresh(self._snapshot, now, self._snapshot_timeout)
         return Surroundings(
             circle.message.circle if circle is not None else None,
             speed.message.speed if speed is not None else None,

@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 
 from muro_zenoh import channels
+from muro_zenoh.config import TIMEOUTS
 from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.messages import RobotState, RobotStatus
 
-STALE_AFTER = channels.POSE.stale_after
-"""A robot not seen for longer than this is ``stale`` [s] ..."""
+STALE_AFTER = TIMEOUTS.pose
+"""A robot not seen for longer than this is ``stale``, unless the settings have another [s]; then it stands still ..."""
 
 LOST_AFTER = 2.0
 """... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
@@ -41,9 +42,13 @@ class FleetTable:
     """Where every robot was last seen. Times are of one local clock [s].
 
     Place and age come from the newest fix; the agent's estimate adds v and omega, and only while it agrees with it.
+
+    Args:
+        stale_after: a robot not seen for longer than this is ``stale`` [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stale_after: float = STALE_AFTER) -> None:
+        self._stale_after = stale_after
         self._rows: dict[str, _Row] = {}
         self._motions: dict[str, Motion] = {}
 
@@ -106,7 +111,7 @@ class FleetTable:
                 v, omega = motion.v, motion.omega
             else:
                 state = "disagrees"
-        if age > STALE_AFTER:
+        if age > self._stale_after:
             state = "lost" if age > LOST_AFTER else "stale"
             v = omega = 0.0
         return RobotState(name, row.pose.x, row.pose.y, row.pose.theta, v, omega, age, state)

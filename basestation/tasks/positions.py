@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable
 
-from basestation.fleet.table import FleetTable, Motion
+from basestation.fleet.table import STALE_AFTER, FleetTable, Motion
 from basestation.localization.sightings import Sightings, SightingSource
 from muro_zenoh import channels
 from muro_zenoh.messages import FleetSnapshot, PoseFix
@@ -21,6 +21,7 @@ class PositionsTask:
     Args:
         bus: the bus.
         robots: the names of the robots.
+        stale_after: a robot not seen for longer than this is ``stale`` [s].
 
     Attributes:
         frames: number of frames that arrived in time, good or bad.
@@ -30,14 +31,14 @@ class PositionsTask:
         complaints: problems in the newest frame of each camera, by the camera's name.
     """
 
-    def __init__(self, bus: Bus, robots: Iterable[str]) -> None:
+    def __init__(self, bus: Bus, robots: Iterable[str], stale_after: float = STALE_AFTER) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
         self.received_at: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
         self._clock = bus.clock
-        self._table = FleetTable()
+        self._table = FleetTable(stale_after)
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
         self._estimates = bus.latest(channels.ESTIMATE, "*")

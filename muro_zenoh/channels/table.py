@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from muro_zenoh import messages as m
 from muro_zenoh.channels.kinds import Channel, Party, Priority, Role, Verb
+from muro_zenoh.config import TIMEOUTS
 
 CONTROL: Final = Party(Role.AGENT, "control")
 VISION: Final = Party(Role.BASESTATION, "vision")
@@ -37,7 +38,7 @@ POSE = Channel(
     delivery="every",
     rate=20.0,
     pacing="each frame that shows the robot",
-    stale_after=0.4,
+    stale_after=TIMEOUTS.pose,
     priority=Priority.HIGH,
     ros="amcl_pose",
 )
@@ -80,7 +81,7 @@ ALL_POSITIONS = Channel(
     delivery="newest",
     rate=20.0,
     pacing="each fused frame, 5 Hz at least",
-    stale_after=0.5,
+    stale_after=TIMEOUTS.snapshot,
     priority=Priority.HIGH,
     named="",
     ros="/all_positions",
@@ -105,7 +106,7 @@ CMD_VEL = Channel(
     delivery="newest",
     rate=20.0,
     pacing="each estimate; repeated when there is none",
-    stale_after=0.3,
+    stale_after=TIMEOUTS.command,
     priority=Priority.REAL_TIME,
     ros="mobile_base/commands/velocity",
     note="when the last one is stale, the base's dead-man zeroes the wheels",
@@ -167,6 +168,7 @@ BASE = Channel(
     delivery="newest",
     rate=2.0,
     pacing="and on change",
+    stale_after=1.5,
 )
 HEALTH = Channel(
     word="health",
@@ -215,11 +217,13 @@ TRUTH = Channel(
 
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
-STOP_ORDER = Verb("stop", m.Stop)
+STOP_ORDER = Verb("stop", m.Stop, at_any_age=True)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
-TAKE_LEASE = Verb("lease", m.TakeLease)
-TIME = Verb("time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR))
+TAKE_LEASE = Verb("lease", m.TakeLease, at_any_age=True)  # it moves no robot, and lasts three seconds
+TIME = Verb(
+    "time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR), at_any_age=True
+)
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))

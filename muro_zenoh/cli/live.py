@@ -147,7 +147,7 @@ def table_of(view: View, keys: str = "") -> Any:
             _number(row.command_rate, ".1f"),
             _number(row.calibrated.cal0, ".3f"),
             _number(row.calibrated.calD, ".3f"),
-            "; ".join(filter(None, (row.reasons, row.complaints))),
+            "; ".join(filter(None, (row.reasons or row.note, row.complaints))),
         )
     return table
 

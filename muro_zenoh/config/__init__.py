@@ -19,9 +19,11 @@ from muro_zenoh.config.sections import (
     Scenario,
     Simulation,
 )
+from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
 
 __all__ = [
     "PROCESSES",
+    "TIMEOUTS",
     "BehaviourSettings",
     "BusSettings",
     "CameraSettings",
@@ -31,6 +33,7 @@ __all__ = [
     "Scenario",
     "Section",
     "Simulation",
+    "Timeouts",
     "as_table",
     "built_in_scenarios",
     "check_behaviour",

@@ -28,9 +28,11 @@ from muro_zenoh.config.sections import (
     Scenario,
     Simulation,
 )
+from muro_zenoh.config.timeouts import TIMEOUTS
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
+from muro_zenoh.safety.separation import SeparationSettings
 
 PROCESSES: Final = ("muro", "router", "simulator", "basestation")
 """The names of the processes of a run that are not agents. An agent's is its robot's, so no robot has one of these."""
@@ -42,6 +44,8 @@ _SECTIONS: Final[dict[str, Any]] = {
     "clocks": ClockSettings(),
     "checks": Checks(),
     "simulation": Simulation(),
+    "timeouts": TIMEOUTS,
+    "separation": SeparationSettings(),
 }
 """The sections that are one value each, with their defaults."""
 

@@ -10,6 +10,7 @@ from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.schema import Section
+from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
 from muro_zenoh.messages import Name, Value
@@ -27,11 +28,13 @@ from muro_zenoh.quantities import (
     Speed,
     TurningRate,
 )
+from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
+LocalPoint = Annotated[str, Meta(pattern=r"^(tcp/(127(\.\d{1,3}){3}|localhost|\[::1\]):\d{1,5}|unixsock-stream/.+)$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
@@ -58,6 +61,9 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         brake: maximum deceleration [m/s^2].
         lag: time constant of the wheels' speed control [s]; laws are evaluated for this time ahead.
         base: driver of its wheels: the name of a file in ``agents/base``.
+        base_link: endpoint of its own machine where its base listens and its agent connects besides the router, so that
+            a stop reaches the wheels without router and network. Robots whose bases run on one machine need different
+            ones. Without it, and in `muro run`, whose bases are in the simulator, there is no such link.
     """
 
     tag: Count | None = None
@@ -74,11 +80,17 @@ class RobotSettings(Section, frozen=True, kw_only=True):
     brake: Acceleration = 1.0
     lag: Period = 0.1
     base: Name = "simulated"
+    base_link: LocalPoint | None = None
 
     @property
     def wheels(self) -> WheelLimits:
         """The lag and limits of its wheels, for filter, laws and plant."""
         return WheelLimits(lag=self.lag, a_max=self.a_max, alpha_max=self.alpha_max, brake=self.brake)
+
+    @property
+    def body(self) -> Body:
+        """Its size and limits, for the separation filter."""
+        return Body(self.radius, self.v_max, self.omega_max, self.a_max, self.alpha_max, self.brake, self.lag)
 
     @property
     def mount(self) -> TagMount:
@@ -220,6 +232,8 @@ class Scenario(Section, frozen=True, kw_only=True):
         goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
+        timeouts: how old what a robot drives by may be.
+        separation: how robots keep apart.
     """
 
     name: str
@@ -235,6 +249,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
+    timeouts: Timeouts = TIMEOUTS
+    separation: SeparationSettings = SeparationSettings()
 
     def behaviour_of(self, name: str) -> BehaviourSettings:
         """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.
@@ -257,7 +273,20 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         robot = self.robot[name]
-        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena)
+        apart = self.separation
+        margins = (apart.margin, apart.wall_margin) if apart.enabled else (0.0, 0.0)
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena, *margins)
+
+    def separation_of(self, name: str) -> Separation | None:
+        """A robot's separation filter; None where it is off.
+
+        Args:
+            name: of the robot.
+        """
+        if not self.separation.enabled:
+            return None
+        bodies = {each: robot.body for each, robot in self.robot.items()}
+        return Separation(name, bodies[name], bodies, self.arena, self.separation)
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -70,6 +70,8 @@ class Health(Message, frozen=True, kw_only=True):
         role: ``agent``, ``base``, ``basestation``, ``simulator`` ...
         state: one word, such as ``driving``, ``holding``, ``stopped``, ``failed``.
         reasons: why it does not drive, most important first.
+        note: why it drives otherwise than its behaviour wants, such as ``keeps clear of r3``; the newest such reason
+            since the previous health message.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
         complaints: what is wrong and does not keep it from driving.
@@ -85,6 +87,7 @@ class Health(Message, frozen=True, kw_only=True):
     role: str
     state: str
     reasons: tuple[str, ...] = ()
+    note: str = ""
     complaints: tuple[str, ...] = ()
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)

@@ -52,6 +52,7 @@ class Collector:
         self._robots = scenario.robots
         self._health = bus.every(channels.HEALTH, "*", depth=4096)
         self._truth = bus.latest(channels.TRUTH, "*")
+        self._bases = bus.latest(channels.BASE, "*")
         self._circle = bus.latest(channels.CIRCLE)
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
@@ -120,6 +121,22 @@ class Collector:
         """
         health = self.health.get(process)
         return health.age(self._bus.clock.now()) if health is not None else None
+
+    def wheels_stopped(self, robot: str) -> str:
+        """Why a robot's wheels are not turning, as its base reports: its agent may be frozen, and say nothing yet.
+
+        Args:
+            robot: its name.
+
+        Returns:
+            The reason; empty when there is none, and before the first report of the base.
+        """
+        base = self._bases.values().get(robot)
+        if base is None:
+            return ""
+        if base.age(self._bus.clock.now()) > channels.BASE.stale_after:
+            return "its base is silent"
+        return "its base receives no commands" if base.message.dead_man else ""
 
     def fix_rate(self, robot: str) -> float | None:
         """Reported accepted fixes per second of scenario time [Hz].

@@ -25,6 +25,7 @@ class RobotRow(NamedTuple):
         gap: gap to the next robot in the direction of travel [rad]; None unless they are to spread evenly.
         command_rate: commands per second [Hz].
         calibrated: its estimated drive calibration.
+        note: why it drives otherwise than its behaviour wants.
         complaints: what is wrong besides.
     """
 
@@ -36,6 +37,7 @@ class RobotRow(NamedTuple):
     gap: float | None
     command_rate: float | None
     calibrated: Calibrated
+    note: str = ""
     complaints: str = ""
 
     @property
@@ -83,18 +85,20 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
     rows = []
     for name in scenario.robots:
         health, silence = _current_health(collector, name)
+        reasons = ", ".join(health.reasons) if health is not None else silence
         ages = health.samples.get("pose_age_s", ()) if health is not None else ()
         position = sample.positions.get(name)
         rows.append(
             RobotRow(
                 name,
                 health.state if health is not None else "-",
-                ", ".join(health.reasons) if health is not None else silence,
+                reasons or collector.wheels_stopped(name),
                 statistics.median(ages) if ages else None,
                 radius_error(position, sample.circle) if position is not None and expected.follows_circle else None,
                 gaps.get(name),
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
+                health.note if health is not None else "",
                 ", ".join(health.complaints) if health is not None else "",
             )
         )

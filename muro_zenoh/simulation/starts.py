@@ -9,6 +9,7 @@ import numpy as np
 from muro_zenoh.elementwise import Array
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import Bounds
+from muro_zenoh.safety.separation import SeparationSettings
 
 _TRIES = 400
 _LAYOUTS = 50
@@ -19,7 +20,7 @@ def random_starts(
     n: int,
     bounds: Bounds,
     radius: float | Array,
-    margin: float = 0.02,
+    margin: float = SeparationSettings().margin,
 ) -> Array:
     """Random poses that touch neither each other nor the walls.
 
@@ -28,7 +29,8 @@ def random_starts(
         n: number of robots.
         bounds: the arena.
         radius: of the bodies [m], of all robots or (n,).
-        margin: minimum gap between two bodies, and between a body and a wall [m].
+        margin: minimum gap between two bodies, and between a body and a wall [m]; by default what the separation filter
+            keeps, for closer robots are held where they are until one of them leaves.
 
     Returns:
         (n, 3): x, y [m, world], theta [rad, (-pi, pi]].

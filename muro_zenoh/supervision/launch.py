@@ -42,14 +42,16 @@ def free_port(preferred: int = PORT) -> int:
 
 
 def connected_to(scenario: Scenario, endpoint: str) -> Scenario:
-    """The scenario with every process as a client of one router.
+    """The scenario with every process as a client of one router. The bases are in the simulator: no agent looks for its
+    own on this machine.
 
     Args:
         scenario: the scenario.
         endpoint: the router's endpoint.
     """
     bus = msgspec.structs.replace(scenario.bus, mode="client", connect=(endpoint,), listen=())
-    return msgspec.structs.replace(scenario, bus=bus)
+    robots = {name: msgspec.structs.replace(robot, base_link=None) for name, robot in scenario.robot.items()}
+    return msgspec.structs.replace(scenario, bus=bus, robot=robots)
 
 
 async def start_all(

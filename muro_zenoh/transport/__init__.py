@@ -19,6 +19,7 @@ from muro_zenoh.config import BusSettings
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.bus import Bus, make_bus
 from muro_zenoh.transport.link import Closable
+from muro_zenoh.transport.local_link import with_local_link
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.memory_link import MemoryNetwork
 from muro_zenoh.transport.publisher import Publisher
@@ -39,6 +40,7 @@ __all__ = [
     "Tap",
     "make_bus",
     "open_bus",
+    "with_local_link",
 ]
 
 

@@ -38,6 +38,7 @@ from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.orders import Orders, nobody_answered
 from muro_zenoh.transport.publisher import Publisher
+from muro_zenoh.transport.pulse import Pulse
 from muro_zenoh.transport.received import Counters
 from muro_zenoh.transport.tap import Roster, Tap
 
@@ -77,6 +78,7 @@ class Bus:
         self._wildcards: list[tuple[str, Inbox[Any]]] = []  # with the start of their keys
         self._numbers: dict[str, itertools.count[int]] = {}  # the next `seq` of each key that this process writes
         self._orders: list[Orders[Any]] = []
+        self._pulse: Pulse | None = None
         self._closed = False
 
     # ---- channels
@@ -253,7 +255,10 @@ class Bus:
         self._check_role((verb.answered_by,), f"order {verb.word}", "answer it")
         key = verb_key(self.realm, verb, name)
         word = verb.word if verb.named else f"{verb.answered_by}/{verb.word}"
-        orders = Orders(verb, key, handle, self._send_reply, self.clock, self._loop, self.counters[word])
+        if self._pulse is None:
+            self._pulse = Pulse(self._loop, self.clock)
+            self._open[self._pulse] = None
+        orders = Orders(verb, key, handle, self._send_reply, self.clock, self._loop, self.counters[word], self._pulse)
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None

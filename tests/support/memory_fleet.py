@@ -122,7 +122,7 @@ class MemoryFleet:
         rng = np.random.default_rng(seed)
         starts = random_starts(rng, len(lab.robots), lab.arena, np.full(len(lab.robots), 0.177))
         self.plant = Plant(starts, rng)
-        self.floor = Floor(self.plant, self.clock)
+        self.floor = Floor(self.plant, self.clock, lab.timeouts.command)
         self.camera = SimulatedSightings(self.floor, lab.robots, rng)
         self._stack = stack
         self._tasks = tasks
@@ -135,7 +135,7 @@ class MemoryFleet:
         await self.start_station()
         room = await self.bus(Role.SIMULATOR, Role.BASE)
         wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(self.scenario.robots)}
-        self._tasks.create_task(run_bases(room, wheels, self.clock), name="bases")
+        self._tasks.create_task(run_bases(room, wheels, self.clock, self.scenario.timeouts.command), name="bases")
         await asyncio.sleep(0)  # from now on the base station answers
 
     async def start_station(self) -> None:

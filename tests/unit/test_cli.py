@@ -142,7 +142,7 @@ def test_a_wrong_setting(given: str, said: str) -> None:
     [
         (["run"], "Missing argument 'SCENARIO'"),
         (["run", "pursuit", "--robots", "0"], "0 is not in the range x>=1"),
-        (["run", "pursuit", "--robots", "40"], "At most 14 robots fit"),
+        (["run", "pursuit", "--robots", "40"], "At most 12 robots fit"),
         (["run", "pursuit", "--duration", "0"], "not in the range x>0"),
         (
             ["run", "pursuit", "--report", "nowhere/r.json"],

@@ -72,6 +72,16 @@ def test_the_keys_are_explained_where_there_are_any() -> None:
         assert ("space: stop" in out.getvalue()) == bool(keys)
 
 
+def test_a_robot_that_drives_otherwise_than_it_wants_is_driving_and_the_table_says_why() -> None:
+    row = KNOWN._replace(note="keeps clear of r3")
+    assert row.driving
+    assert "driving 1/1" in line_of(view(rows=[row]))
+    out = io.StringIO()
+    Console(file=out, width=160).print(table_of(view(rows=[row, HOLDING._replace(note="keeps clear of r1")])))
+    assert "keeps clear of r3" in out.getvalue()
+    assert "keeps clear of r1" not in out.getvalue()  # why it does not drive comes first
+
+
 def test_a_plain_line_is_printed_every_five_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     with PlainScreen() as screen:
         for t in (0.3, 0.6, 4.9, 5.1, 9.9, 17.0, 19.9, 20.0):
