@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +15,22 @@ from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import starts_of
 
+log = logging.getLogger(__name__)
+
 STEP = 0.01
 """Step of the plant [s]."""
 
 _MAX_CATCH_UP = 0.5
 """Simulated time beyond this is skipped [s], so that robots do not drive on blindly after the process was suspended."""
+
+
+class Look(NamedTuple):
+    """All robots at one moment: ``stamp`` [s since 1970], how long ago that is (``behind`` [s]), and their true
+    ``poses``: (N, 3), x, y [m, world], theta [rad]."""
+
+    stamp: float
+    behind: float
+    poses: Array
 
 
 class Floor:
@@ -50,6 +63,11 @@ class Floor:
         return self._plant
 
     @property
+    def now(self) -> float:
+        """The time by the floor's clock [s since 1970]."""
+        return self._clock.now()
+
+    @property
     def behind(self) -> float:
         """Age of the plant's state [s]; after :meth:`catch_up` less than one step."""
         return self._clock.now() - self._time
@@ -69,6 +87,10 @@ class Floor:
             self._time += STEP
         self._readings = []
         return self._time
+
+    def look(self) -> Look:
+        """All robots now."""
+        return Look(self.catch_up(), self.behind, self._plant.pose.copy())
 
     def command(self, row: int, v: float, omega: float) -> None:
         """Turn a robot's wheels from now on.
@@ -106,15 +128,26 @@ class SimulatedWheels:
     Args:
         floor: the floor.
         row: this robot's row.
+        name: the robot's, for the log.
     """
 
-    def __init__(self, floor: Floor, row: int) -> None:
+    def __init__(self, floor: Floor, row: int, name: str = "") -> None:
         self._floor = floor
         self._row = row
+        self._name = name
+        self._commanded = False
 
     def command(self, v: float, omega: float) -> None:
         """Turn the wheels so that a nominal robot would drive at ``v`` [m/s] and ``omega`` [rad/s]."""
         self._floor.command(self._row, v, omega)
+        commanded = (v, omega) != (0.0, 0.0)
+        if commanded != self._commanded:
+            self._commanded = commanded
+            # The only witness of when wheels stop that no fault of the network silences: benchmarks/stopping.py reads
+            # it.
+            log.debug(
+                "%s: wheels commanded to %s at %.3f", self._name, "turn" if commanded else "stop", self._floor.now
+            )
 
     def read(self) -> WheelReading:
         """What the encoders of nominal wheels report."""
@@ -134,7 +167,8 @@ def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: 
     """
     robots = list(scenario.robot.values())
     radii = np.array([robot.radius for robot in robots])
-    margin = max(scenario.separation.margin, scenario.separation.wall_margin)
+    apart = scenario.separation
+    margin = max(apart.margin, apart.wall_margin)
     return Plant(
         starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii, margin),
         rng,

@@ -19,8 +19,9 @@ import numpy as np
 from benchmarks.support.crowd import ROBOT
 from benchmarks.support.crowd_methods import BODY
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
-from muro_zenoh.safety.separation import SeparationSettings
+from muro_zenoh.safety.separation import Body, SeparationSettings
 from muro_zenoh.safety.separation.certificate import Certificate
 from muro_zenoh.safety.separation.knowledge import Knowledge
 from muro_zenoh.simulation.plant import Plant
@@ -47,7 +48,7 @@ class Player(NamedTuple):
     it never receives; ``cut`` and ``mended``: no snapshot taken from the one to the other arrives; ``phase``: of its
     control loop; ``freezes`` and ``wakes``: its control loop decides nothing from the one to the other, and its base
     sets the wheels to zero ``holds`` after it froze; ``waits``: it stands until then; ``idea``: how it attacks;
-    ``seed``: of its luck.
+    ``seed``: of its luck; ``scale``: its wheels do so much more than nominal ones, which the others do not know.
     """
 
     x: float
@@ -64,6 +65,7 @@ class Player(NamedTuple):
     waits: int = 0
     idea: int = 0
     seed: int = 0
+    scale: float = 1.0
 
 
 Game = Sequence[Player]
@@ -139,7 +141,7 @@ def play(games: Sequence[Game], settings: SeparationSettings) -> list[Outcome]:
     plant = Plant(
         starts,
         rng,
-        limits=ROBOT.wheels,
+        limits=[_wheels(player.scale) for player in players],
         radius=ROBOT.radius,
         drive_error=0.0,
         slip=0.0,
@@ -175,6 +177,24 @@ def play(games: Sequence[Game], settings: SeparationSettings) -> list[Outcome]:
     return [Outcome(*outcome) for outcome in zip(least.tolist(), when.tolist(), strict=True)]
 
 
+def _wheels(scale: float) -> WheelLimits:
+    nominal = ROBOT.wheels
+    return nominal._replace(
+        a_max=scale * nominal.a_max, alpha_max=scale * nominal.alpha_max, brake=scale * nominal.brake
+    )
+
+
+def _body(scale: float) -> Body:
+    wheels = _wheels(scale)
+    return BODY._replace(
+        v_max=scale * BODY.v_max,
+        omega_max=scale * BODY.omega_max,
+        a_max=wheels.a_max,
+        alpha_max=wheels.alpha_max,
+        brake=wheels.brake,
+    )
+
+
 class _Mind:
     """The control loop of one robot that attacks.
 
@@ -187,6 +207,7 @@ class _Mind:
 
     def __init__(self, player: Player, me: int, known: Knowledge, settings: SeparationSettings) -> None:
         self._player, self._me, self._known, self._settings = player, me, known, settings
+        self._body = _body(player.scale)
         self._rng = np.random.default_rng(player.seed)
         taken = np.arange(-_BEFORE, TICKS + PERIOD, PERIOD)
         self._lost = (taken > 0) & (self._rng.random(len(taken)) < player.loss)
@@ -211,10 +232,11 @@ class _Mind:
         snapshot = Snapshot(history[self._newest][game], sent, 1, now - sent)
         if self._known.learn(now, snapshot) or tick < max(player.waits, 0):
             return STILL
-        certificate = Certificate(state, BODY, ARENA, self._known, self._settings)
+        certificate = Certificate(state, self._body, ARENA, self._known, self._settings, self._body.v_max)
         for command in self._ideas(tick, state, states):
-            if not certificate.blocker(command):
-                return command
+            scaled = Twist2(self._player.scale * command.v, self._player.scale * command.omega)
+            if not certificate.blocker(scaled):
+                return scaled
         return STILL
 
     def _ideas(self, tick: int, state: State, states: Sequence[State]) -> list[Twist2]:

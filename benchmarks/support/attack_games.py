@@ -69,6 +69,7 @@ def random_game(rng: np.random.Generator, robots: int, settings: SeparationSetti
                 waits=waits if rng.random() < 0.5 else 0,
                 idea=int(rng.choice(len(IDEAS), p=(0.35, 0.25, 0.15, 0.1, 0.15))),
                 seed=int(rng.integers(0, 2**31)),
+                scale=float(rng.choice((1.0, rng.uniform(0.8, 1.2)))),
             )
         )
     return players
@@ -87,6 +88,8 @@ _BOUNDS = (
     (0, 120),  # the second waits until
     (0, 3),  # idea of the first
     (0, 3),  # of the second
+    (0.8, 1.2),  # what the first's wheels do of the nominal
+    (0.8, 1.2),  # what the second's do
 )
 """What the search varies: two robots, one of which goes blind."""
 
@@ -98,14 +101,13 @@ def game_of(numbers: Sequence[float], settings: SeparationSettings) -> Game:
         numbers: one within each of the bounds.
         settings: of the filter.
     """
-    free, first, second, *rest = (float(number) for number in numbers)
+    free, first, second, *rest, scale, other_scale = (float(number) for number in numbers)
     delay, other_delay, cut, later, holds, before, other_waits, idea, other_idea = (int(value) for value in rest)
     apart = 2.0 * ROBOT.radius + settings.margin + 1e-3 + free
     freezes = cut + later
-    blind = Player(
-        0.0, 0.0, first, delay, cut=cut, freezes=freezes, wakes=NEVER, holds=holds, waits=freezes - before, idea=idea
-    )
-    return blind, Player(apart, 0.0, math.pi + second, other_delay, waits=other_waits, idea=other_idea)
+    blind = Player(0.0, 0.0, first, delay, cut=cut, freezes=freezes, wakes=NEVER, holds=holds, waits=freezes - before)
+    other = Player(apart, 0.0, math.pi + second, other_delay, waits=other_waits)
+    return blind._replace(idea=idea, scale=scale), other._replace(idea=other_idea, scale=other_scale)
 
 
 def _first(clearances: Callable[[np.ndarray], np.ndarray], seed: int, population: int) -> np.ndarray:

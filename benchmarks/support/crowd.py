@@ -37,6 +37,7 @@ SNAPSHOT_LIMIT = 0.5
 _SUBSTEPS = 4
 _CAMERA_AGE = 0.05
 _STANDING, _STOOD = 0.01, 10.0  # m/s, s
+_STUCK = 20.0  # when nobody has moved for so long, nobody will [s]
 
 
 class Case(NamedTuple):
@@ -219,7 +220,7 @@ def drive_to_goals(case: Case, method: Method, rng: np.random.Generator, delay: 
     """
     world = World(case, rng, delay, loss)
     since = np.zeros(world.robots)
-    stood = False
+    stood, anybody_moved = False, 0.0
     seconds = math.inf
     while world.time < case.seconds:
         commands = []
@@ -233,6 +234,10 @@ def drive_to_goals(case: Case, method: Method, rng: np.random.Generator, delay: 
             seconds = world.time
             break
         moving = abs(world.plant.twist[:, 0]) > _STANDING
+        if moving.any():
+            anybody_moved = world.time
+        elif world.time - anybody_moved > _STUCK:
+            return Result(math.inf, world.plant.contacts, world.through_wall, world.plant.min_separation, True)
         since[moving | ~away] = world.time
         stood |= bool((world.time - since >= _STOOD).any())
     return Result(seconds, world.plant.contacts, world.through_wall, world.plant.min_separation, stood)

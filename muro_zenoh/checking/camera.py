@@ -17,6 +17,7 @@ from muro_zenoh.config import CameraSettings
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.messages import Frame
+from muro_zenoh.messages.base import require_usable
 from muro_zenoh.runtime.virtual_time import InlineExecutor
 from muro_zenoh.transport import Bus
 
@@ -122,17 +123,23 @@ class SightingsOnBus(CameraOnBus):
         bus: the bus.
         name: the camera's name.
         latency: minimum time from the capture of a frame to its arrival here [s].
+        robots: the names of the robots that can be seen.
         located: called with when a frame was taken, in truth, as it is located [s, loop].
     """
 
-    def __init__(self, bus: Bus, name: str, latency: float, located: Callable[[float], None]) -> None:
+    def __init__(
+        self, bus: Bus, name: str, latency: float, robots: Sequence[str], located: Callable[[float], None]
+    ) -> None:
         super().__init__(bus, name, self._read, latency, InlineExecutor())
+        self._known = {robot: robot for robot in robots}
         self._located = located
 
     def _read(self, frame: Frame) -> Found:
         try:
             picture = _decode(frame.data)
-        except msgspec.MsgspecError as error:
+            for name, *pose in picture.robots:
+                require_usable(self._known[name], tuple(pose))
+        except (msgspec.MsgspecError, KeyError, ValueError) as error:  # of another program
             raise MessageError(f"got a frame without poses, expected one of a fleet in memory: {error}") from None
         self._located(picture.taken)
         return Found(tuple(Sighting(name, Pose2(x, y, theta), _COVARIANCE) for name, x, y, theta in picture.robots), ())

@@ -166,7 +166,8 @@ class VirtualFleet:
 
     def _put_station(self, bus: Bus) -> Coroutine[Any, Any, None]:
         sources = [
-            SightingsOnBus(bus, name, camera.latency, self.witnesses.located) for name, camera in self.cameras.items()
+            SightingsOnBus(bus, name, camera.latency, self.scenario.robots, self.witnesses.located)
+            for name, camera in self.cameras.items()
         ]
         self.station = Station(bus, self.scenario, None, sources)
         bus.announce(Role.BASESTATION, BASESTATION)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from muro_zenoh import channels
@@ -15,7 +15,7 @@ from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
 from muro_zenoh.scoring.expectations import expectation_of
-from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
+from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, FaultSeen, Observed, Planned, Sample
 from muro_zenoh.scoring.reports import AgentReports, SimulatorReports, keep_newest
 from muro_zenoh.scoring.sheet import ProcessUse
 from muro_zenoh.transport import Bus, Every, Received
@@ -234,7 +234,14 @@ class Collector:
     # ---- the end
 
     def observed(
-        self, *, duration: float, seed: int | None, ended: str, restarts: int, processes: Mapping[str, ProcessUse]
+        self,
+        *,
+        duration: float,
+        seed: int | None,
+        ended: str,
+        restarts: int,
+        processes: Mapping[str, ProcessUse],
+        faults: Sequence[FaultSeen] = (),
     ) -> Observed:
         """All collected data.
 
@@ -244,6 +251,7 @@ class Collector:
             ended: ``duration``, ``interrupted`` or ``failed``.
             restarts: of processes.
             processes: their use of the machine.
+            faults: what became of the scenario's faults.
         """
         return Observed(
             scenario=self._scenario.name,
@@ -266,4 +274,5 @@ class Collector:
             command_ratio=self._command_ratio,
             seen=self._seen,
             failures=self._failures,
+            faults=faults,
         )

@@ -26,6 +26,7 @@ class RobotRow(NamedTuple):
         command_rate: commands per second [Hz].
         calibrated: its estimated drive calibration.
         note: why it drives otherwise than its behaviour wants.
+        complaints: what is wrong besides.
     """
 
     name: str
@@ -37,6 +38,7 @@ class RobotRow(NamedTuple):
     command_rate: float | None
     calibrated: Calibrated
     note: str = ""
+    complaints: str = ""
 
     @property
     def driving(self) -> bool:
@@ -55,6 +57,7 @@ class View(NamedTuple):
             position of a robot is unknown.
         spacing_error: the spacing error [rad]; None unless they are to spread evenly, and likewise.
         restarts: number of process restarts.
+        faults: the scenario's faults that last now.
     """
 
     t: float
@@ -63,6 +66,7 @@ class View(NamedTuple):
     radius_error: float | None
     spacing_error: float | None
     restarts: int
+    faults: tuple[str, ...] = ()
 
     @property
     def driving(self) -> int:
@@ -70,13 +74,14 @@ class View(NamedTuple):
         return sum(row.driving for row in self.rows)
 
 
-def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
+def view_of(collector: Collector, scenario: Scenario, restarts: int, faults: tuple[str, ...] = ()) -> View:
     """The state of a run now.
 
     Args:
         collector: the collected data.
         scenario: its robots and its duration.
         restarts: number of process restarts.
+        faults: the scenario's faults that last now.
     """
     sample, expected = collector.latest, collector.expected
     gaps = gaps_ahead(sample.positions, sample.circle) if expected.spreads else {}
@@ -97,6 +102,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
                 health.note if health is not None else "",
+                ", ".join(health.complaints) if health is not None else "",
             )
         )
     all_known = len(sample.positions) == len(scenario.robots)
@@ -109,6 +115,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         else None,
         spacing_error(sample.positions, sample.circle) if all_known and expected.spreads else None,
         restarts,
+        faults,
     )
 
 

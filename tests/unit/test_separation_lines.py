@@ -109,10 +109,10 @@ class TestPath:
 
 class TestReach:
     @given(
-        st.floats(0.0, 0.5),
+        st.floats(-0.5, 0.5),
         st.floats(0.0, math.pi),
         st.floats(0.0, 0.9),
-        st.lists(st.tuples(st.floats(0.0, 0.5), st.floats(-1.5, 1.5)), min_size=6, max_size=6),
+        st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(-1.5, 1.5)), min_size=6, max_size=6),
     )
     def test_no_drive_comes_further(
         self, v: float, turn: float, time: float, commands: list[tuple[float, float]]
@@ -130,8 +130,12 @@ class TestReach:
             state = State(x + length * math.cos(along), y + length * math.sin(along), theta + angle, speed2, omega2)
         assert best <= travel_toward(v, turn, BODY, time) + 0.01
 
-    def test_one_that_drives_off_cannot_come_back_in_a_second(self) -> None:
-        assert travel_toward(0.3, math.pi, BODY, 0.9) == 0.0
+    def test_one_that_drives_off_fast_cannot_come_back_in_a_second(self) -> None:
+        assert travel_toward(0.5, math.pi, BODY, 0.9) == 0.0
+
+    def test_one_that_stands_and_faces_away_can_back_up(self) -> None:
+        # 0.5 m/s^2 for 0.8 s, and 0.08 m to brake
+        assert travel_toward(0.0, math.pi, BODY, 0.8) >= 0.24
 
     def test_one_that_drives_backwards_can(self) -> None:
         assert travel_toward(-0.3, math.pi, BODY, 0.5) > 0.15

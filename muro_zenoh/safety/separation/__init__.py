@@ -6,9 +6,10 @@ nothing. Nothing is driven that the *certificate* does not accept (:mod:`.certif
 :mod:`.line`); when it accepts nothing, the robot brakes.
 
 Why robots that obey the certificate do not touch
-------------------------------------------------- Write ``d`` for
-the distance of two centres to keep, the sum of the radii and the margin; ``H`` for ``hold``, the time for which
-wheels go on with a command at most (the dead-man's, and a period); ``L`` for ``snapshot_limit``.
+-------------------------------------------------
+
+Write ``d`` for the distance of two centres to keep, the sum of the radii and the margin; ``H`` for ``hold``, the time
+for which wheels go on with a command at most (the dead-man's, and a period); ``L`` for ``snapshot_limit``.
 
 1. *A common line.* A snapshot gives each pair of robots a line: from where both were and where they come to rest if
    they brake, it is square to the shortest connection of these two stretches. Both compute the same line, because
@@ -22,7 +23,7 @@ wheels go on with a command at most (the dead-man's, and a period); ``L`` for ``
    never deepens it. The other robot is safe from it by one of two facts. Either it obeys one of the lines that the
    braking robot obeyed; or its newest snapshot already shows the braking: then the stretch in that snapshot is the
    braking path itself, and the stretch is on its side of that snapshot's line (of two convex sets, each is on its
-   side of the line through the middle of their shortest connection).
+   side of a line square to their shortest connection, through any point of it).
 4. *Two robots with different snapshots* have a line in common. Take j with newest snapshot S, and i. If i was braking
    when S was taken, see 3. Otherwise i accepted a command at most ``H`` before S was taken, with a newest snapshot N
    that was at most ``L`` old. So j obeys every snapshot sent up to ``L + H`` (and the age of the fixes) before S; N
