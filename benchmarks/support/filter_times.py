@@ -40,7 +40,7 @@ def floor_for(robots: int) -> Bounds:
 
 
 def times_of(robots: int, seconds: float, seed: int = 0) -> Times:
-    """Drive robots to random goals (two of them: past each other) with our filter, and time every decision of a few of them.
+    """Drive robots to random goals with our filter (two: past each other), and time their decisions.
 
     Args:
         robots: how many.
