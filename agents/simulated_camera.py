@@ -8,15 +8,24 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import Executor
+from typing import Protocol
 
 import numpy as np
 
-from agents.base.simulated import Floor
+from agents.base.simulated import Look
 from muro_zenoh.config import CameraSettings, Scenario
 from muro_zenoh.elementwise import Array
 from muro_zenoh.messages import Frame
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
 from muro_zenoh.transport import Publisher
+
+
+class Scene(Protocol):
+    """What a camera sees."""
+
+    def look(self) -> Look | None:
+        """All robots now; None when nothing can be seen."""
+        ...
 
 
 class SimulatedCamera:
@@ -26,7 +35,7 @@ class SimulatedCamera:
         frames: the publisher of its frames.
         settings: its settings.
         scenario: the arena, the robots and the simulation's hidden settings.
-        floor: the floor that it sees.
+        scene: what it sees.
         seed: seed of the floor's texture and of the noise.
         executor: renders the pictures: threads, except in virtual time.
 
@@ -40,7 +49,7 @@ class SimulatedCamera:
         frames: Publisher[Frame],
         settings: CameraSettings,
         scenario: Scenario,
-        floor: Floor,
+        scene: Scene,
         seed: int,
         executor: Executor,
     ) -> None:
@@ -48,7 +57,7 @@ class SimulatedCamera:
         self.skipped = 0
         self._frames = frames
         self._settings = settings
-        self._floor = floor
+        self._scene = scene
         self._executor = executor
         self._scenario = scenario
         self._mounts = [robot.mount for robot in scenario.robot.values()]
@@ -73,11 +82,11 @@ class SimulatedCamera:
                 if rendering is not None and not rendering.done():
                     self.skipped += 1
                     continue
-                self.captured += 1
-                stamp = self._floor.catch_up()
-                due = loop.time() + latency - self._floor.behind
-                poses = self._floor.plant.pose.copy()
-                rendering = tasks.create_task(self._take(lens, poses, stamp, due), name="render")
+                seen = self._scene.look()
+                if seen is not None:
+                    self.captured += 1
+                    due = loop.time() + latency - seen.behind
+                    rendering = tasks.create_task(self._take(lens, seen.poses, seen.stamp, due), name="render")
 
     async def _take(self, lens: OverheadCamera, poses: Array, stamp: float, due: float) -> None:
         """Render a picture of the poses captured at ``stamp``, and schedule it to be sent at loop time ``due``."""

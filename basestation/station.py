@@ -6,8 +6,10 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
+from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from basestation.localization.sightings import SightingSource
+from basestation.tasks.bases import BasesTask
 from basestation.tasks.health import HealthTask
 from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.orders import OrdersTask
@@ -17,6 +19,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport.station_clock import answer_time
 
 
 class Station:
@@ -37,11 +40,16 @@ class Station:
 
     def __init__(self, bus: Bus, scenario: Scenario, state: Path | None, sources: Sequence[SightingSource]) -> None:
         self.store = StateStore(scenario, state)
+        self._bus = bus
         self._sources = sources
-        self._positions = PositionsTask(bus, scenario.robots)
-        self._kept = KeptStateTask(bus, self.store)
-        self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
-        self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))
+        self._positions = PositionsTask(bus, scenario.robots, scenario.timeouts.pose)
+        leases = Leases(self.store.state.leases, bus.clock.now(), self.store.keep_leases)
+        self._kept = KeptStateTask(bus, self.store, leases)
+        self._orders = OrdersTask(bus, self.store, self._kept, leases, self._positions)
+        self._bases = BasesTask(bus, self._positions.doubted)
+        self._health = HealthTask(
+            bus, self._kept, self._positions, self._bases, scenario.robots, tuple(scenario.camera)
+        )
 
     async def run(self) -> None:
         """Run all tasks. When one crashes, the base station exits, and the robots stop.
@@ -50,11 +58,13 @@ class Station:
             ExceptionGroup: the exceptions of a task; a TransportError when another base station is running.
         """
         self._orders.listen()
+        answer_time(self._bus)
         try:
             async with asyncio.TaskGroup() as tasks:
                 for number, source in enumerate(self._sources):
                     tasks.create_task(self._positions.watch(source), name=f"vision {number}")
                 tasks.create_task(self._positions.repeat(), name="positions")
+                tasks.create_task(self._bases.run(), name="bases")
                 tasks.create_task(self._kept.run(), name="kept state")
                 tasks.create_task(self._health.be_the_only_one(), name="be the only one")
                 tasks.create_task(self._health.report(), name="health")

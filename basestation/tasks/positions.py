@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable
 
-from basestation.fleet.table import FleetTable, Motion
+from basestation.fleet.table import STALE_AFTER, FleetTable, Motion
 from basestation.localization.sightings import Sightings, SightingSource
 from muro_zenoh import channels
 from muro_zenoh.messages import FleetSnapshot, PoseFix
@@ -21,6 +21,7 @@ class PositionsTask:
     Args:
         bus: the bus.
         robots: the names of the robots.
+        stale_after: a robot not seen for longer than this is ``stale`` [s].
 
     Attributes:
         frames: number of frames that arrived in time, good or bad.
@@ -28,16 +29,20 @@ class PositionsTask:
         stale_frames: number of frames that arrived too late.
         received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
         complaints: problems in the newest frame of each camera, by the camera's name.
+        doubts: the robots that are not what they say, each with what is wrong, in words.
+        doubted: set when another robot is doubted, for the health report.
     """
 
-    def __init__(self, bus: Bus, robots: Iterable[str]) -> None:
+    def __init__(self, bus: Bus, robots: Iterable[str], stale_after: float = STALE_AFTER) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
         self.received_at: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
+        self.doubts: dict[str, str] = {}
+        self.doubted = asyncio.Event()
         self._clock = bus.clock
-        self._table = FleetTable()
+        self._table = FleetTable(stale_after)
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
         self._estimates = bus.latest(channels.ESTIMATE, "*")
@@ -113,6 +118,9 @@ class PositionsTask:
     def _publish_all(self) -> None:
         for name, estimate in self._estimates.values().items():
             m = estimate.message
-            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.arrival - estimate.delay))
+            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.captured()))
         now = self._published = self._clock.now()
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
+        before, self.doubts = self.doubts, self._table.doubts(now)
+        if self.doubts.keys() - before.keys():
+            self.doubted.set()

@@ -28,7 +28,8 @@ class Vehicle(NamedTuple):
     """The robot that runs a behaviour.
 
     ``name``; ``radius`` of its body [m]; ``v_max`` [m/s] and ``omega_max`` [rad/s], its limits; ``lag``: time constant
-    of its wheels [s]; ``arena``: the floor that it may use.
+    of its wheels [s]; ``arena``: the floor that it may use; ``margin`` and ``wall_margin``: free floor that the
+    separation filter keeps between two bodies, and between a body and a wall [m].
     """
 
     name: str
@@ -37,6 +38,13 @@ class Vehicle(NamedTuple):
     omega_max: float
     lag: float
     arena: Bounds
+    margin: float = 0.0
+    wall_margin: float = 0.0
+
+    @property
+    def wall_distance(self) -> float:
+        """The distance that its centre keeps from a wall [m]."""
+        return self.radius + self.wall_margin
 
 
 class RobotSeen(Protocol):

@@ -51,7 +51,7 @@ class Steering(Behaviour):
             Why the goal is refused; empty when it is accepted.
         """
         try:
-            require_inside("goal", goal.x, goal.y, self._vehicle.arena, self._vehicle.radius)
+            require_inside("goal", goal.x, goal.y, self._vehicle.arena, self._vehicle.wall_distance)
         except ParameterError as error:
             return str(error)
         self._itinerary.replace(goal)

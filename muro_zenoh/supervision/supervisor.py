@@ -153,8 +153,10 @@ class Supervisor:
                     f"expected at most {policy.max_restarts}: given up; see {child.log}"
                 )
             delay = policy.first_delay * 2.0 ** (len(deaths) - 1)
-            self._notify(f"{name} restarts in {delay:g} s")
+            if child.may_restart.is_set():
+                self._notify(f"{name} restarts in {delay:g} s")
             await asyncio.sleep(delay)
+            await child.may_restart.wait()
             child.restarts += 1
 
     def _on_late(self, child: Child, run: int) -> None:
@@ -181,6 +183,8 @@ class Supervisor:
             else:
                 child.terminate()
                 task.add_done_callback(_retrieve)
+        if not tasks:  # all that was wanted was running already
+            return
         _, pending = await asyncio.wait(tasks, timeout=self._policy.stop_timeout)
         for child, task in group:
             if task in pending:

@@ -31,11 +31,14 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
+from muro_zenoh.runtime.operator import operator_name
+from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.orders import Orders, nobody_answered
 from muro_zenoh.transport.publisher import Publisher
+from muro_zenoh.transport.pulse import Pulse
 from muro_zenoh.transport.received import Counters
 from muro_zenoh.transport.tap import Roster, Tap
 
@@ -51,19 +54,23 @@ class Bus:
         realm: the first word of every key.
         roles: of this process: what it may publish, ask, answer and announce.
         clock: for stamps and arrival times.
+        epoch: this process's number; drawn at random for each bus, but where a run is to be repeated.
 
     Attributes:
-        epoch: this process's number; drawn at random for each bus.
+        epoch: this process's number.
         counters: what became of the messages, by the channel's word.
+        operator: who gives orders from this process; its orders and velocities say so.
+        clocks: other processes' clocks, as far as they were measured; mailboxes judge their messages by them.
     """
 
-    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock) -> None:
+    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock, epoch: int | None = None) -> None:
         self.realm = check_realm(realm)
         self.roles = frozenset(roles)
         self.clock = clock
-        # 48 bits: exact in every language's numbers
-        self.epoch = random.SystemRandom().getrandbits(48) | 1
+        self.epoch = draw_epoch(random.SystemRandom()) if epoch is None else epoch
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
+        self.operator = operator_name() if Role.OPERATOR in self.roles else ""
+        self.clocks = KnownClocks()
         self._link = link
         self._loop = asyncio.get_running_loop()
         self._readers: dict[str, list[Inbox[Any]]] = {}
@@ -71,6 +78,7 @@ class Bus:
         self._wildcards: list[tuple[str, Inbox[Any]]] = []  # with the start of their keys
         self._numbers: dict[str, itertools.count[int]] = {}  # the next `seq` of each key that this process writes
         self._orders: list[Orders[Any]] = []
+        self._pulse: Pulse | None = None
         self._closed = False
 
     # ---- channels
@@ -99,7 +107,13 @@ class Bus:
             # Mailboxes of `*` that were declared first get the new key's messages too.
             readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
         publisher: Publisher[T] = Publisher(
-            key, link, readers, self.clock, (self.epoch, self._numbers[key]), self.counters[channel.word]
+            key,
+            link,
+            readers,
+            self.clock,
+            (self.epoch, self._numbers[key]),
+            self.counters[channel.word],
+            self.operator if "operator" in channel.kind.__struct_fields__ else "",
         )
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
@@ -129,7 +143,7 @@ class Bus:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
         where = key_of(self.realm, channel, name)
-        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after)
+        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after, self.clocks)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()
@@ -214,7 +228,7 @@ class Bus:
             MessageError: the answer is not a reply.
         """
         self._check_open()
-        self._check_role((verb.asked_by,), f"order {verb.word}", "give it")
+        self._check_role(verb.asked_by, f"order {verb.word}", "give it")
         key = verb_key(self.realm, verb, name)
         payload = await self._link.ask(key, encode(self._stamped(order)), encoding_of(verb.kind), timeout)
         if payload is None:
@@ -241,17 +255,22 @@ class Bus:
         self._check_role((verb.answered_by,), f"order {verb.word}", "answer it")
         key = verb_key(self.realm, verb, name)
         word = verb.word if verb.named else f"{verb.answered_by}/{verb.word}"
-        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word])
+        if self._pulse is None:
+            self._pulse = Pulse(self._loop, self.clock)
+            self._open[self._pulse] = None
+        orders = Orders(verb, key, handle, self._send_reply, self.clock, self._loop, self.counters[word], self._pulse)
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None
         return declared
 
-    def _send_reply(self, question: Question, reply: Reply) -> None:
-        question.reply(encode(self._stamped(reply)), encoding_of(Reply))
+    def _send_reply(self, question: Question, reply: Reply, received: float) -> None:
+        reply = msgspec.structs.replace(self._stamped(reply), received=received)
+        question.reply(encode(reply), encoding_of(Reply))
 
     def _stamped(self, message: T) -> T:
-        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch)
+        signed = {"operator": self.operator} if getattr(message, "operator", None) == "" else {}
+        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch, **signed)
 
     # ---- looking at anything
 
@@ -304,11 +323,30 @@ class Bus:
         await self.close()
 
 
+def draw_epoch(rng: random.Random) -> int:
+    """The number of a process that starts.
+
+    Args:
+        rng: the generator.
+
+    Returns:
+        Not 0, and of 48 bits: exact in every language's numbers.
+    """
+    return rng.getrandbits(48) | 1
+
+
 def _either(roles: Iterable[Role]) -> str:
     return " or ".join(sorted(roles))
 
 
-def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROLES, clock: Clock | None = None) -> Bus:
+def make_bus(
+    link: Link,
+    realm: str = "muro",
+    *,
+    roles: Iterable[Role] = ALL_ROLES,
+    clock: Clock | None = None,
+    epoch: int | None = None,
+) -> Bus:
     """A bus over any link; for the in-memory one, and for tests.
 
     Args:
@@ -316,5 +354,6 @@ def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROL
         realm: the first words of every key.
         roles: of the process; all of them by default, for tests that play every process.
         clock: for stamps and arrival times; the system's by default.
+        epoch: the process's number; drawn at random by default.
     """
-    return Bus(link, realm, roles, clock or SystemClock())
+    return Bus(link, realm, roles, clock or SystemClock(), epoch)

@@ -18,6 +18,7 @@ from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
 from muro_zenoh.messages import Message, check_encoding, check_size, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.delay import DelayTracker
 from muro_zenoh.transport.link import Declared
 from muro_zenoh.transport.received import Counters, Received
@@ -46,7 +47,8 @@ class Slot(NamedTuple, Generic[T]):
 
     ``kind`` of its messages; ``prefix``: length of the key up to the name; ``clock`` for arrival times; ``loop``: where
     it is read; ``counters``, shared by all mailboxes of a channel; ``where``: the key, for error messages;
-    ``stale_after``: age at which a message no longer counts [s], infinite where its stamp does not matter.
+    ``stale_after``: age at which a message no longer counts [s], infinite where its stamp does not matter; ``clocks``:
+    other processes', as far as they were measured.
     """
 
     kind: type[T]
@@ -56,6 +58,7 @@ class Slot(NamedTuple, Generic[T]):
     counters: Counters
     where: str
     stale_after: float
+    clocks: KnownClocks
 
 
 class Inbox(Declared, Generic[T]):
@@ -77,6 +80,7 @@ class Inbox(Declared, Generic[T]):
         self._counters = slot.counters
         self._where = slot.where
         self._stale_after = slot.stale_after
+        self._clocks = slot.clocks
         self._depth = depth
         self._thread = threading.get_ident()
         self._lock = threading.Lock()
@@ -196,7 +200,8 @@ class Inbox(Declared, Generic[T]):
             if tracker is None:
                 self._make_room(arrival)
                 tracker = self._delays[key] = DelayTracker()
-            delay = tracker.observe(message.epoch, message.stamp, arrival)
+            measured = self._clocks.offset(message.epoch, arrival)
+            delay = tracker.observe(message.epoch, message.stamp, arrival, measured)
             if delay < 0.0:
                 if self._stale_after < math.inf:
                     raise MessageError(f"got a stamp {-delay:.3g} s ahead of its writer's clock, expected its time")
@@ -212,7 +217,7 @@ class Inbox(Declared, Generic[T]):
             counters.late += 1
         counters.delay = delay
         counters.arrival = arrival
-        return Received(key[self._prefix :], message, arrival, delay, tracker.least)
+        return Received(key[self._prefix :], message, arrival, delay, tracker.least, measured)
 
     def _check_key(self, key: str) -> None:
         name = key[self._prefix :]

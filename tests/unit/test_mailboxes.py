@@ -13,6 +13,7 @@ import pytest
 from muro_zenoh.errors import TransportError
 from muro_zenoh.messages import SpeedReference, codec, encode, encoding_of
 from muro_zenoh.transport import inbox
+from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.inbox import Slot
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.received import Counters
@@ -36,10 +37,12 @@ class Box:
     def __init__(self, make: Callable[..., Any], depth: int | None = None, stale_after: float = 0.5) -> None:
         self.clock = ManualClock()
         self.counters = Counters()
+        self.clocks = KnownClocks()
         loop = asyncio.get_running_loop()
         options = {} if depth is None else {"depth": depth}
         self.inbox = make(
-            Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", stale_after), **options
+            Slot(SpeedReference, PREFIX, self.clock, loop, self.counters, "muro/velocity/*", stale_after, self.clocks),
+            **options,
         )
 
     def file(self, name: str, speed: float, encoding: str | None = ENCODING, stamp: float | None = None) -> None:

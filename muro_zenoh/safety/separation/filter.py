@@ -64,7 +64,8 @@ class Separation:
         settings: SeparationSettings,
         walls: Sequence[Wall] = (),
     ) -> None:
-        self._body, self._settings = body, settings
+        self._nominal = self._body = body
+        self._settings = settings
         keep = body.radius + settings.wall_margin
         self._inside = arena.shrunk(keep)
         self._known = Knowledge(name, body, others, settings, walls)
@@ -81,6 +82,7 @@ class Separation:
         desired: Twist2 | None,
         snapshot: SharedSnapshot | None,
         target: tuple[float, float] | None = None,
+        body: Body | None = None,
     ) -> Separated:
         """The twist to drive now.
 
@@ -90,7 +92,10 @@ class Separation:
             desired: what its behaviour wants; None when it holds: then the robot stands still.
             snapshot: all robots; None when there is none or it is stale.
             target: where the behaviour is heading, x, y [m, world]; None when it has no such place.
+            body: this robot's limits as its wheels are now, with their drive errors; None for those that all robots
+                know of it, by which the lines between them are drawn.
         """
+        self._body = body or self._nominal
         blind = self._known.learn(now, snapshot)
         if desired is None:
             return Separated(STILL, "")
