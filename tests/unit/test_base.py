@@ -580,15 +580,17 @@ async def test_processes_give_their_bases_the_limit_of_the_settings(monkeypatch:
         {"robots": 1, "timeouts": {"command": 0.7}, "separation": {"enabled": False}}, "lab.toml", name="lab"
     )
     given: list[object] = []
+    begun = asyncio.Event()
 
     async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float, limits: object) -> None:
         given.append(dead_man)
+        begun.set()
         await asyncio.Event().wait()
 
     async def begin(process: Coroutine[object, object, None]) -> None:
-        before, task = len(given), asyncio.create_task(process)
-        while len(given) == before and not task.done():
-            await asyncio.sleep(0)
+        begun.clear()
+        task = asyncio.create_task(process)
+        await within(5, begun.wait(), "the bases")
         task.cancel()
         await asyncio.wait({task})
 
