@@ -112,7 +112,7 @@ class Separation:
         certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         near = self._known.near(now, state.x, state.y, _LOOK)
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
-        stood = self._patience.look(now, state, speed > _WANTS and far and not self._free)
+        stood = self._patience.look(now, state, speed > _WANTS and far and not self._free and not self._route.waits)
         rests = speed <= _WANTS
         room = self._courtesy.look(now, state, rests, target, near, self._inside)
         if room is not None:
