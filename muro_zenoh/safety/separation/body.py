@@ -23,7 +23,7 @@ class Body(NamedTuple):
     lag: float = 0.1
 
 
-class Row(Protocol):
+class RobotSeen(Protocol):
     """One robot of a snapshot: position and heading from the cameras, speeds from its agent [m, rad, s; world],
     ``age`` of the pose fix when the snapshot was sent [s], and ``state``."""
 
@@ -50,7 +50,7 @@ class SharedSnapshot(Protocol):
     ``epoch`` of its sender; ``age``, time since it was sent [s]."""
 
     @property
-    def robots(self) -> Sequence[Row]: ...
+    def robots(self) -> Sequence[RobotSeen]: ...
     @property
     def stamp(self) -> float: ...
     @property

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
+from muro_zenoh.safety.separation.body import Body, RobotSeen, SharedSnapshot
 from muro_zenoh.safety.separation.guidance import Near
 from muro_zenoh.safety.separation.line import LEAST_NEED, Line, Point, Stretch, line_between, nearest_on
 from muro_zenoh.safety.separation.path import stopping_distance
@@ -44,7 +44,9 @@ class _Received:
 
     __slots__ = ("epoch", "lines", "mine", "rows", "sent", "stamp")
 
-    def __init__(self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, Row]) -> None:
+    def __init__(
+        self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, RobotSeen]
+    ) -> None:
         self.sent, self.stamp, self.epoch, self.mine, self.rows = sent, stamp, epoch, mine, rows
         self.lines: dict[str, Line | None] = {}
 
@@ -55,7 +57,7 @@ class _Mate(NamedTuple):
     floor that its line leaves at least, and how far it comes at most before it goes by no older snapshot [m]."""
 
     name: str
-    row: Row
+    row: RobotSeen
     body: Body
     captured: float
     keep: float
@@ -92,12 +94,12 @@ class Knowledge:
         self.walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
         self._received: deque[_Received] = deque()
         self._listening_since = math.inf
-        self._me: Row | None = None
+        self._me: RobotSeen | None = None
         self._mates: list[_Mate] = []
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, in the newest snapshot."""
-        self._seen: list[tuple[Row, float, float, float]] = []
+        self._seen: list[tuple[RobotSeen, float, float, float]] = []
 
     def learn(self, now: float, snapshot: SharedSnapshot | None) -> str:
         """Take the newest snapshot; one that is known already changes nothing.
@@ -131,10 +133,7 @@ class Knowledge:
 
     def _has(self, snapshot: SharedSnapshot) -> bool:
         stamp, epoch = snapshot.stamp, snapshot.epoch
-        for each in reversed(self._received):
-            if each.stamp == stamp and each.epoch == epoch:
-                return True
-        return False
+        return any(each.stamp == stamp and each.epoch == epoch for each in reversed(self._received))
 
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
@@ -154,7 +153,7 @@ class Knowledge:
         self._me = me
         self._look(sent, rows)
 
-    def _look(self, sent: float, rows: Mapping[str, Row]) -> None:
+    def _look(self, sent: float, rows: Mapping[str, RobotSeen]) -> None:
         """Where the others are in the newest snapshot."""
         obstacles: list[Obstacle] = []
         self._mates, self._seen = [], []
@@ -177,10 +176,10 @@ class Knowledge:
                 self._seen.append((row, keep, 0.0, 0.0))
         self.obstacles = tuple(obstacles)
 
-    def _stretch(self, row: Row, body: Body) -> Stretch:
+    def _stretch(self, row: RobotSeen, body: Body) -> Stretch:
         return _stretch_of(row.x, row.y, row.theta, row.v, body, self._settings.margin)
 
-    def _obstacle(self, row: Row, body: Body, keep: float) -> Obstacle:
+    def _obstacle(self, row: RobotSeen, body: Body, keep: float) -> Obstacle:
         """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
         v = self._speeds.get(row.name, 0.0)
         far = v * self._settings.hold + stopping_distance(v, body)
