@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -583,19 +583,23 @@ async def test_processes_give_their_bases_the_limit_of_the_settings(monkeypatch:
 
     async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float, limits: object) -> None:
         given.append(dead_man)
+        await asyncio.Event().wait()
+
+    async def begin(process: Coroutine[object, object, None]) -> None:
+        before, task = len(given), asyncio.create_task(process)
+        while len(given) == before and not task.done():
+            await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait({task})
 
     monkeypatch.setattr(run, "run_bases", run_them)
     monkeypatch.setattr(run, "open_bus", lambda *_: make_bus(MemoryNetwork().link(), roles=[Role.BASE]))
-    await run_base_process(lab, "r1")
+    await begin(run_base_process(lab, "r1"))
     monkeypatch.setattr(simulator, "run_bases", run_them)
     async with make_bus(MemoryNetwork().link()) as bus:
         room = simulator.Room(bus, lab, 1, InlineExecutor())
         assert room.floor._watchdog == 0.7
-        task = asyncio.create_task(room.run())
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        task.cancel()
-        await asyncio.wait({task})
+        await begin(room.run())
     assert given == [0.7, 0.7]
 
 
@@ -618,3 +622,13 @@ class TestClocksThatMakeNoSense:
         assert wheels.now == (0.2, 0.1)
         base.beat(math.nan)
         assert wheels.now == (0.0, 0.0)
+
+    @pytest.mark.parametrize("back", [0.02, 0.3, 4.0])
+    def test_a_clock_that_was_set_back_stops_the_wheels_until_the_next_command(self, back: float) -> None:
+        wheels = Wheels()
+        base = Base("r1", wheels)
+        base.obey(self.received(5.0), 5.0)
+        base.beat(5.0 - back)
+        assert wheels.now == (0.0, 0.0)
+        base.obey(self.received(5.1 - back), 5.1 - back)
+        assert wheels.now == (0.2, 0.1)
