@@ -34,6 +34,9 @@ _SILENT = 60.0
 """... nor keep others out for good: a key that has been silent for longer than this gives way to a new one [s]. While
 there is room, silence makes a mailbox forget nobody: the backlog that ends a long freeze would count as fresh."""
 
+_EPISODE = 10.0
+"""Bad messages of a key are logged once in this time at most [s]."""
+
 _MAX_STRANGERS = 32
 """Keys whose bad messages are logged before they have sent a good one: a writer of ever new keys must fill neither the
 memory nor the log."""
@@ -88,7 +91,7 @@ class Inbox(Declared, Generic[T]):
         self._awake = False
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
-        self._episodes: set[str] = set()  # keys whose last message was bad, and logged
+        self._episodes: dict[str, float] = {}  # keys of which a bad message was logged: when
 
     # ---- from any thread
 
@@ -187,7 +190,11 @@ class Inbox(Declared, Generic[T]):
         """The next unread message, or None."""
 
     def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
-        """The message in a sample, or None when it is none: counted, and logged once per episode of its key."""
+        """The message in a sample, or None when it is none: counted, and logged once per episode of its key.
+
+        An episode ends with a good message, but lasts at least :data:`_EPISODE`, so that good and bad ones in turn do
+        not fill the log.
+        """
         tracker = self._delays.get(key)
         counters = self._counters
         try:
@@ -209,10 +216,11 @@ class Inbox(Declared, Generic[T]):
         except MessageError as error:
             counters.rejected += 1
             if key not in self._episodes and (tracker is not None or len(self._episodes) < _MAX_STRANGERS):
-                self._episodes.add(key)
-                log.warning("%s: dropped a message: %s (logged once until a good one comes)", key, error)
+                self._episodes[key] = arrival
+                log.warning("%s: dropped a message: %s (logged once until good ones come)", key, error)
             return None
-        self._episodes.discard(key)
+        if self._episodes and abs(arrival - self._episodes.get(key, arrival)) > _EPISODE:
+            del self._episodes[key]
         if delay > self._stale_after:
             counters.late += 1
         counters.delay = delay
@@ -230,7 +238,7 @@ class Inbox(Declared, Generic[T]):
             return
         for key in [key for key, tracker in self._delays.items() if now - tracker.heard > _SILENT]:
             del self._delays[key]
-            self._episodes.discard(key)
+            self._episodes.pop(key, None)
             self._forget(key[self._prefix :])
         if len(self._delays) >= _MAX_KEYS:
             raise MessageError(f"got a {_MAX_KEYS + 1}th writer's key, expected at most {_MAX_KEYS}")

@@ -20,6 +20,10 @@ _FIRST_PERIOD: Final = 0.1
 _FIRST: Final = 8
 """So many questions are asked one after the other at the start, and after a clock was set."""
 
+_TIMEOUT: Final = 3.0
+"""An answer is awaited for this time [s]: far longer than a path takes on which a robot may drive, for a path that was
+never measured counts as quick."""
+
 _SILENT: Final = 5.0
 """A base station that has not answered for this time is a complaint [s]."""
 
@@ -56,7 +60,8 @@ class StationClock:
     async def _ask(self) -> None:
         bus, best = self._bus, self._estimate.best
         sent = bus.clock.now()
-        reply = await bus.ask(channels.TIME, AskTime(offset=best.offset if best is not None else None))
+        question = AskTime(offset=best.offset if best is not None else None)
+        reply = await bus.ask(channels.TIME, question, timeout=_TIMEOUT)
         self.take(reply.epoch, RoundTrip(sent, reply.received, reply.stamp, bus.clock.now()))
 
     def take(self, epoch: int, trip: RoundTrip) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import random
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -21,9 +22,9 @@ from muro_zenoh.messages import Frame, Reply, Truth, VelocityCommand, decode, en
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, Latest, MemoryNetwork
 from muro_zenoh.transport.link import Closable, Question
+from muro_zenoh.transport.memory_faults import Delay
 from muro_zenoh.transport.memory_link import MemoryLink
 from tests.support.memory_lab import Lab, agent, basestation, memory_lab, simulator
-from tests.support.slow_link import SlowLink
 
 CAMERA = {"rate": 10, "jpeg_quality": 0}
 ALL = {"tag_x": -0.03, "tag_y": 0.02, "tag_yaw": 0.2}
@@ -289,6 +290,14 @@ def test_a_clock_that_is_set_is_named_within_two_seconds(step: float) -> None:
     run_virtually(main())
 
 
+def slow_link(lab: Lab, there: float, back: float) -> MemoryLink:
+    """A link on which everything takes its time, to the others and back [s]."""
+    link = lab.network.link()
+    link.begin(Delay(random.Random(1), there), "out")
+    link.begin(Delay(random.Random(1), back), "in")
+    return link
+
+
 class Believed:
     """How old the robot's agent takes its poses for, and how old they are."""
 
@@ -314,7 +323,7 @@ def test_a_delay_that_all_poses_have_is_in_their_age_up_to_half_of_the_asymmetry
         async with observed() as seen:
             seen.lab.start(ONE, simulator, basestation, agent("r1"))
             seen.lab.start(
-                ONE, agent("r2"), clock=VirtualClock(offset), link=SlowLink(seen.lab.network, there=there, back=back)
+                ONE, agent("r2"), clock=VirtualClock(offset), link=slow_link(seen.lab, there=there, back=back)
             )
             await seen.until_driving(6)
             believed = Believed(seen)
@@ -333,7 +342,7 @@ def test_a_robot_whose_poses_are_always_too_old_stands_still() -> None:
     async def main() -> None:
         async with observed() as seen:
             seen.lab.start(ONE, simulator, basestation, agent("r1"))
-            seen.lab.start(ONE, agent("r2"), link=SlowLink(seen.lab.network, there=0.5, back=0.5))
+            seen.lab.start(ONE, agent("r2"), link=slow_link(seen.lab, there=0.5, back=0.5))
             await asyncio.sleep(4.0)
             truth = seen.truth.values()
             assert truth["r1"].message.v > 0.05
@@ -347,7 +356,7 @@ class StationLink(MemoryLink):
     """The base station's link; what it answers about the time is changed, or lost."""
 
     def __init__(self, network: MemoryNetwork, lie: Callable[[Reply], Reply | None]) -> None:
-        super().__init__(network)
+        super().__init__(network, frozenset(), {})
         self.lie = lie
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
@@ -403,7 +412,7 @@ def test_a_base_station_that_does_not_tell_the_time_is_named_and_what_it_said_st
             station = StationLink(seen.lab.network, lambda reply: reply)
             seen.lab.start(ONE, basestation, link=station)
             seen.lab.start(ONE, simulator, agent("r1"))
-            seen.lab.start(ONE, agent("r2"), link=SlowLink(seen.lab.network, there=0.05, back=0.05))
+            seen.lab.start(ONE, agent("r2"), link=slow_link(seen.lab, there=0.05, back=0.05))
             await seen.until_driving(5)
             believed = Believed(seen)
             await believed.from_now_on()
@@ -422,7 +431,7 @@ def test_a_camera_whose_frames_are_slow_from_the_beginning_is_as_late_as_it_is()
 
     async def main() -> None:
         async with observed() as seen:
-            seen.lab.start(ONE, simulator, link=SlowLink(seen.lab.network, there=0.15, back=0.15))
+            seen.lab.start(ONE, simulator, link=slow_link(seen.lab, there=0.15, back=0.15))
             seen.lab.start(ONE, basestation, agent("r1"), agent("r2"))
             await seen.until_driving(6)
             believed = Believed(seen)

@@ -361,17 +361,29 @@ async def test_keys_are_bounded_while_they_wait_and_afterwards(monkeypatch: pyte
     assert (box.inbox.get("r3"), box.counters.rejected) == (None, 3)
 
 
-async def test_garbage_is_logged_once_until_a_good_message_comes(caplog: pytest.LogCaptureFixture) -> None:
+async def test_garbage_is_logged_once_until_good_messages_come(caplog: pytest.LogCaptureFixture) -> None:
     box = Box(Every)
-    for _ in range(2):
-        for _ in range(3):
+    for episode in range(2):
+        for k in range(3):
+            box.clock.advance(20.0)
             box.garble("r1")
             box.inbox.drain()
+        box.clock.advance(20.0)
         box.file("r1", 0.1)
         box.inbox.drain()
     assert [record.levelname for record in caplog.records] == ["WARNING", "WARNING"]
     assert box.counts() == (8, 0, 6)
     assert "muro/velocity/r1: dropped a message: " in caplog.text
+
+
+async def test_garbage_and_good_messages_in_turn_do_not_fill_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    box = Box(Every)
+    for _ in range(100):
+        box.clock.advance(0.2)
+        box.garble("r1")
+        box.file("r1", 0.1)
+        box.inbox.drain()
+    assert len(caplog.records) == 2  # in 20 s
 
 
 async def test_a_good_message_of_another_key_does_not_end_the_episode(caplog: pytest.LogCaptureFixture) -> None:

@@ -258,7 +258,7 @@ async def test_the_receipt_says_when_each_robot_was_at_rest_and_how_far_it_went(
     """From 0.4 m/s at 1 m/s^2: 0.4 s and 0.08 m, and up to a period of the odometry each."""
     agents = await there.agents("r1", "r2")
     agents["r1"].speed = 0.4
-    await asyncio.sleep(1.0)
+    await asyncio.sleep(1.02)  # between two reports of the wheels
     result = await stop_robots(there.operator, ())
     driven, parked = result.robots["r1"], result.robots["r2"]
     assert driven.latched == pytest.approx(0.0, abs=1e-3)
