@@ -15,6 +15,7 @@ from agents.simulated_camera import SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
+from muro_zenoh.config.cameras import camera_models
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
@@ -36,6 +37,7 @@ class Room:
 
     Raises:
         PlanningError: the robots do not fit into the arena.
+        ConfigError: points that do not determine a camera, or a lens that no camera has.
     """
 
     def __init__(self, bus: Bus, scenario: Scenario, seed: int, executor: Executor) -> None:
@@ -47,9 +49,10 @@ class Room:
         limits = [robot.wheels for robot in robots]
         self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
         self.floor = Floor(self.plant, bus.clock)
+        models = camera_models(scenario.camera, scenario.arena)
         self.cameras = {
             name: SimulatedCamera(
-                bus.publisher(channels.CAMERA, name), camera, scenario, self.floor, seed + index, executor
+                bus.publisher(channels.CAMERA, name), camera, models[name], scenario, self.floor, seed + index, executor
             )
             for index, (name, camera) in enumerate(scenario.camera.items())
         }
@@ -104,6 +107,7 @@ class Room:
         for name, camera in self.cameras.items():
             numbers[f"frames_captured_{name}"] = camera.captured
             numbers[f"frames_skipped_{name}"] = camera.skipped
+            numbers[f"frames_lost_{name}"] = camera.lost
         return numbers | self._bus.numbers()
 
 

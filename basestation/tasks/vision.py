@@ -8,13 +8,14 @@ from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from typing import NamedTuple
 
+from basestation.localization.floor_map import FloorMap
 from basestation.localization.frames import decode_frame
-from basestation.localization.homography import Homography
 from basestation.localization.localizer import Localizer
 from basestation.localization.markers import TagDetector
 from basestation.localization.sightings import Sighting, Sightings, SightingSource
 from muro_zenoh import channels
 from muro_zenoh.config import CameraSettings, Scenario
+from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.errors import ConfigError, MessageError
 from muro_zenoh.messages import Frame
 from muro_zenoh.transport import Bus, Received
@@ -119,9 +120,8 @@ def _localizer(name: str, camera: CameraSettings, scenario: Scenario) -> Localiz
         raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
     return Localizer(
         name,
-        Homography.fit(camera.views(scenario.arena), camera=name),
+        FloorMap(camera_model(name, camera, scenario.arena)),
         detector,
         tags,
-        size=(camera.width, camera.height),
         corner_noise=camera.sigma_pixels,
     )

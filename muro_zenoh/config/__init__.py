@@ -13,6 +13,7 @@ from muro_zenoh.config.schema import Section
 from muro_zenoh.config.sections import (
     BehaviourSettings,
     BusSettings,
+    CalibrationSettings,
     CameraSettings,
     RobotSettings,
     Scenario,
@@ -23,6 +24,7 @@ __all__ = [
     "PROCESSES",
     "BehaviourSettings",
     "BusSettings",
+    "CalibrationSettings",
     "CameraSettings",
     "Checks",
     "RobotSettings",

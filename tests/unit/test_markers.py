@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from basestation.localization.markers import Marker, TagDetector
-from muro_zenoh.geometry import Bounds, TagMount, straight_down_view
+from muro_zenoh.geometry import Bounds, TagMount
+from muro_zenoh.optics.camera_model import planar
 from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from tests.support.cameras import plane_camera
 
 PHOTOGRAPHS = Path(__file__).parents[2] / "../shared/data/tags"
 WIDTH, HEIGHT = 1280, 720
-VIEWS = straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
+CAMERA = plane_camera(Bounds(-2.1, 2.1, -1.5, 1.5), WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
 
 
 def scattered(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -109,13 +111,13 @@ class TestHardPictures:
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, -c, -s], [0.0, s, -c]])  # x right, y down, z into the picture
         columns = np.column_stack((rotation[:, :2], -rotation @ np.array([0.0, 0.0, 2.2])))
         lens = np.array([[600.0, 0.0, 639.5], [0.0, 600.0, 359.5], [0.0, 0.0, 1.0]])
-        family = "DICT_APRILTAG_36h11"
-        return OverheadCamera(WIDTH, HEIGHT, lens @ columns, family=family, blur=hard.blur, noise=4.0, seed=seed)
+        model = planar(WIDTH, HEIGHT, lens @ columns)
+        return OverheadCamera(model, family="DICT_APRILTAG_36h11", blur=hard.blur, noise=4.0, seed=seed)
 
     def poses(self, camera: OverheadCamera, rng: np.random.Generator) -> np.ndarray:
         """Anywhere in the picture, its edges included, apart on the floor."""
         pixels = np.column_stack((rng.uniform(0.0, WIDTH, 999), rng.uniform(120.0, HEIGHT, 999), np.ones(999)))
-        places = pixels @ np.linalg.inv(camera.homography).T
+        places = pixels @ np.linalg.inv(np.delete(camera.model.view, 2, axis=1)).T
         chosen: list[np.ndarray] = []
         for place in places[:, :2] / places[:, 2:]:
             if len(chosen) < self.ROBOTS and all(np.hypot(*(place - other)) > 0.45 for other in chosen):
@@ -189,7 +191,7 @@ def test_noise_has_no_tags(family: str, windows: tuple[int, int]) -> None:
 class TestRendered:
     def test_corners_are_sharp_and_unbiased_after_jpeg(self) -> None:
         rng = np.random.default_rng(5)
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
+        scene = OverheadCamera(CAMERA)
         mounts = [TagMount(i, 0.16, x=-0.03, y=0.02, yaw=0.3 * i) for i in range(10)]
         detector = TagDetector()
         centres, found, missed = [], 0, 0
@@ -214,7 +216,7 @@ class TestRendered:
 
     def test_crops_find_what_the_whole_picture_shows_at_the_same_corners(self) -> None:
         rng = np.random.default_rng(6)
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
+        scene = OverheadCamera(CAMERA)
         mounts = [TagMount(i, 0.16) for i in range(10)]
         detector = TagDetector()
         for _ in range(8):
@@ -230,7 +232,7 @@ class TestRendered:
     @pytest.mark.parametrize("family", ["DICT_4X4_50", "DICT_5X5_100", "DICT_APRILTAG_36h11"])
     @pytest.mark.parametrize("size", [0.10, 0.16, 0.30])
     def test_families_and_sizes(self, family: str, size: float) -> None:
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS, family=family)
+        scene = OverheadCamera(CAMERA, family=family)
         poses = np.array([[-1.5, 0.3, 0.4], [0.2, -0.8, 2.0], [1.3, 0.9, -1.0]])
         mounts = [TagMount(i, size) for i in (0, 7, 31)]
         picture = scene.render(poses, mounts, [0.25] * 3, np.random.default_rng(0))
@@ -242,7 +244,7 @@ class TestRendered:
             assert np.linalg.norm(marker.corners - scene.tag_corners(pose, mount), axis=1).max() < 1.5
 
     def test_a_number_seen_twice_is_returned_twice(self) -> None:
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
+        scene = OverheadCamera(CAMERA)
         poses = np.array([[-1.0, 0.0, 0.0], [-0.6, 0.0, 1.0], [1.0, 0.0, 0.0]])
         mounts = [TagMount(4, 0.16), TagMount(4, 0.16), TagMount(5, 0.16)]
         picture = scene.render(poses, mounts, [0.177] * 3, np.random.default_rng(0))

@@ -17,6 +17,7 @@ from basestation.station import Station
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.config import Scenario, parse_scenario
+from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Frame
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
@@ -25,7 +26,7 @@ from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 
 POSE = (0.3, 0.1, 0.2)
 LAB = parse_scenario({"robots": 1, "camera": {"north": {}}}, "lab.toml", name="lab")
-_RENDERER = OverheadCamera.from_views(1280, 720, LAB.camera["north"].views(LAB.arena), noise=3.0)
+_RENDERER = OverheadCamera(camera_model("north", LAB.camera["north"], LAB.arena), noise=3.0)
 _RNG = np.random.default_rng(1)
 
 
