@@ -32,10 +32,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
 from basestation.localization.frames import decode_frame
 from basestation.localization.localizer import Localizer
-from basestation.localization.markers import Marker, Picture, TagDetector
+from basestation.localization.markers import Marker, Picture
 from basestation.localization.sightings import Sighting
 from muro_zenoh.geometry import Bounds, TagMount
 from muro_zenoh.optics.camera_model import hung
@@ -120,7 +121,7 @@ class Bare:
         self._detector = cv2.aruco.ArucoDetector(dictionary, cv2.aruco.DetectorParameters())
         self.milliseconds: list[float] = []
 
-    def detect(self, image: Picture) -> list[Marker]:
+    def detect(self, image: Picture, *, wanted: int = 0) -> list[Marker]:
         begin = time.perf_counter()
         corners, ids, _ = self._detector.detectMarkers(image)
         self.milliseconds.append(1e3 * (time.perf_counter() - begin))

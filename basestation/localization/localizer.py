@@ -15,8 +15,9 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
-from basestation.localization.markers import Marker, Picture, TagDetector
+from basestation.localization.markers import Marker, Picture
 from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Pose2, TagMount
@@ -131,7 +132,7 @@ class Localizer:
         if not self.swept:
             return self.detector.detect_near(image, [track.expected() for track in self._tracks])
         self._since_sweep = 0
-        markers = self.detector.detect(image)
+        markers = self.detector.detect(image, wanted=len(self.tags))
         self.unknown_tags = frozenset(marker.id for marker in markers) - self.tags.keys()
         return markers
 

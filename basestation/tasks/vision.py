@@ -8,10 +8,10 @@ from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from typing import NamedTuple
 
+from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
 from basestation.localization.frames import decode_frame
 from basestation.localization.localizer import Localizer
-from basestation.localization.markers import TagDetector
 from basestation.localization.sightings import Sighting, Sightings, SightingSource
 from muro_zenoh import channels
 from muro_zenoh.config import CameraSettings, Scenario
@@ -115,7 +115,7 @@ def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[Sig
 def _localizer(name: str, camera: CameraSettings, scenario: Scenario) -> Localizer:
     tags = {robot.tag: (key, robot.mount) for key, robot in scenario.robot.items() if robot.tag is not None}
     try:
-        detector = TagDetector(camera.family)
+        detector = TagDetector(camera.family, camera.detector)
     except ValueError as error:
         raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
     return Localizer(

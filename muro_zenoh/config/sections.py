@@ -140,6 +140,8 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         latency: minimum time from the capture of a frame to its arrival at the base station [s]; the base station
             measures the additional delay of each frame.
         family: family of the tags to detect, as OpenCV names it.
+        detector: the library that detects them; ``apriltag`` is slower, finds more of small and blurred tags, and needs
+            the extra of this name.
         pixels: four or more points of the image [px].
         metres: the positions of these points on the plane of the tags [m, world].
         calibration: its calibration: a table, or the name of a TOML file relative to the one that names it.
@@ -159,6 +161,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     rate: Annotated[float, Quantity("Hz", above=0.0, at_most=240.0)] = 20.0
     latency: Duration = 0.05
     family: str = "DICT_4X4_50"
+    detector: Literal["opencv", "apriltag"] = "opencv"
     pixels: Annotated[tuple[Pixel, ...], Meta(min_length=4)] | None = None
     metres: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
     calibration: CalibrationSettings | None = None
