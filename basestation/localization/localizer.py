@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 _SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag of side 1, as printed, clockwise
 _AROUND = np.array(((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)))  # [px]
+_EDGE = 0.15  # width of the picture's edge, in its shorter side
 _COAST = 4  # pictures for which a hidden tag is assumed to keep moving
 _SIZE_OFF = 0.3  # relative size error above which a print is not the tag (blur and ink cause 0.05)
 _SHAPE_OFF = 0.15  # maximum root mean square error of the corners from a square, in sides
@@ -167,8 +168,12 @@ class Localizer:
         right, left, below, above = np.moveaxis(metres[:, 4:], 1, 0)
         slopes = np.stack((right - left, below - above), axis=-1).tolist()
         poses, sides, misfits = fit_squares(metres[:, :4])
+        edge = _EDGE * min(self.floor.camera.width, self.floor.camera.height)
+        insides = (self.floor.margin(corners).min(axis=1) / edge).clip(0.0, 1.0).tolist()
         sightings = []
-        for marker, slope, pose, side, misfit in zip(markers, slopes, poses, sides, misfits, strict=True):
+        for marker, slope, pose, side, misfit, inside in zip(
+            markers, slopes, poses, sides, misfits, insides, strict=True
+        ):
             name, mount = self.tags[marker.id]
             # Also false for NaN: a tag on the horizon.
             if not (abs(side / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * side):
@@ -176,7 +181,7 @@ class Localizer:
                 continue
             base = pose.compose(mount.pose.inverse())
             covariance = _covariance(slope, self._corner_noise, mount, base.theta)
-            sightings.append((marker, Sighting(name, base, covariance)))
+            sightings.append((marker, Sighting(name, base, covariance, inside)))
         return sightings
 
 

@@ -67,6 +67,7 @@ class HealthTask:
                 "frames": float(positions.frames),
                 "bad_frames": float(positions.bad_frames),
                 "stale_frames": float(positions.stale_frames),
+                "disbelieved": float(positions.disbelieved),
                 **self._bus.numbers(),
             }
             state = _RUNNING if self._kept.adopted else "starting"
@@ -82,6 +83,7 @@ class HealthTask:
         reasons += self._missing_sightings(now)
         for complaints in self._positions.complaints.values():
             reasons += complaints
+        reasons += self._positions.doubts()
         return tuple(reasons)
 
     def _missing_sightings(self, now: float) -> list[str]:

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import replace
 
 from basestation.fleet.table import FleetTable, Motion
+from basestation.localization.belief import Reach
+from basestation.localization.fusion import Fusion
 from basestation.localization.sightings import Sightings, SightingSource
 from muro_zenoh import channels
+from muro_zenoh.geometry import Bounds
 from muro_zenoh.messages import FleetSnapshot, PoseFix
 from muro_zenoh.transport import Bus
+
+_DOUBTED = 2.0
+"""What is seen and not believed is reported for this time [s]."""
 
 _LONGEST_PERIOD = 0.2
 """All positions are published after each frame, and at least with this period [s]."""
@@ -20,7 +27,8 @@ class PositionsTask:
 
     Args:
         bus: the bus.
-        robots: the names of the robots.
+        arena: the floor.
+        robots: how far each robot can get, by name.
 
     Attributes:
         frames: number of frames that arrived in time, good or bad.
@@ -30,7 +38,7 @@ class PositionsTask:
         complaints: problems in the newest frame of each camera, by the camera's name.
     """
 
-    def __init__(self, bus: Bus, robots: Iterable[str]) -> None:
+    def __init__(self, bus: Bus, arena: Bounds, robots: Mapping[str, Reach]) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
@@ -38,6 +46,7 @@ class PositionsTask:
         self.complaints: dict[str, tuple[str, ...]] = {}
         self._clock = bus.clock
         self._table = FleetTable()
+        self._fusion = Fusion(arena, robots)
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
         self._estimates = bus.latest(channels.ESTIMATE, "*")
@@ -69,6 +78,17 @@ class PositionsTask:
         """
         return self._table.knows(name)
 
+    @property
+    def disbelieved(self) -> int:
+        """Number of sightings that were not believed."""
+        return self._fusion.disbelieved
+
+    def doubts(self) -> list[str]:
+        """What was seen lately and not believed, and the cameras that were moved."""
+        now = self._clock.now()
+        lately = [text for text, captured in self._fusion.doubts.values() if now - captured < _DOUBTED]
+        return [*self._fusion.moved.values(), *lately]
+
     def clear(self, name: str) -> bool:
         """Forget a robot's last position.
 
@@ -79,6 +99,7 @@ class PositionsTask:
             Whether it had been seen.
         """
         self._estimates.forget(name)
+        self._fusion.forget(name)
         return self._table.clear(name)
 
     def _take(self, sightings: Sightings) -> None:
@@ -93,7 +114,7 @@ class PositionsTask:
             return
         # A fix captured in the future would keep valid ones out until then.
         captured = min(sightings.captured, self._clock.now())
-        for robot in sightings.robots:
+        for robot in self._fusion.take(replace(sightings, captured=captured), self._clock.now()):
             now = self._clock.now()
             x, y, theta = robot.pose
             self._poses[robot.name].put(
