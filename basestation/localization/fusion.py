@@ -41,14 +41,17 @@ class Fix:
         name: of the robot.
         pose: of its base frame [world].
         covariance: nine floats, row-major, of x [m], y [m], theta [rad].
+        cameras: that saw it; first the one whose frame it is.
     """
 
     name: str
     pose: Pose2
     covariance: tuple[float, ...]
+    cameras: tuple[str, ...]
 
 
 class _Share(NamedTuple):
+    camera: str
     pose: Pose2
     covariance: tuple[float, ...]
     weight: float
@@ -168,7 +171,7 @@ class Fusion:
     def _fuse(self, camera: str, name: str, t: float) -> Fix:
         tracks = self._tracks[name]
         own = tracks[camera]
-        shares = [_Share(own.sighting.pose, own.sighting.covariance, self._weight(camera, own.sighting, 0.0))]
+        shares = [_Share(camera, own.sighting.pose, own.sighting.covariance, self._weight(camera, own.sighting, 0.0))]
         for other, track in tracks.items():
             if other == camera or abs(t - track.captured) > _TOGETHER:
                 continue
@@ -177,25 +180,27 @@ class Fusion:
                 continue
             self._agreement.compare(camera, other, own.sighting.pose, moved_on, t)
             spread = 0.5 * _ACCELERATION * (t - track.captured) ** 2
-            shares.append(_Share(moved_on, track.sighting.covariance, self._weight(other, track.sighting, spread)))
-        return Fix(name, *self._mean(camera, shares))
+            shares.append(
+                _Share(other, moved_on, track.sighting.covariance, self._weight(other, track.sighting, spread))
+            )
+        return Fix(name, *self._mean(shares), tuple(share.camera for share in shares))
 
     def _weight(self, camera: str, sighting: Sighting, spread: float) -> float:
         distrust = _MOVED if camera in self._agreement.moved else 0.0
         variance = 0.5 * (sighting.covariance[0] + sighting.covariance[4]) + spread * spread + distrust * distrust
         return max(sighting.inside, _FAINT) / max(variance, 1e-12)
 
-    def _mean(self, camera: str, shares: list[_Share]) -> tuple[Pose2, tuple[float, ...]]:
+    def _mean(self, shares: list[_Share]) -> tuple[Pose2, tuple[float, ...]]:
         total = sum(share.weight for share in shares)
         first = shares[0].pose
         x = y = turn = 0.0
         covariance = np.zeros(9)
-        for pose, spread, weight in shares:
+        for _, pose, spread, weight in shares:
             part = weight / total
             x, y = x + part * pose.x, y + part * pose.y
             turn += part * wrap_to_pi(pose.theta - first.theta)
             covariance += part * part * np.array(spread)
-        if camera in self._agreement.moved and len(shares) == 1:
+        if len(shares) == 1 and shares[0].camera in self._agreement.moved:
             covariance[[0, 4]] += _MOVED * _MOVED
         return Pose2(x, y, wrap_to_pi(first.theta + turn)), tuple(covariance.tolist())
 

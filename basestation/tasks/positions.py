@@ -125,7 +125,7 @@ class PositionsTask:
                     y=y,
                     theta=theta,
                     covariance=robot.covariance,
-                    camera=sightings.camera,
+                    camera="+".join(robot.cameras),
                 )
             )
             self._table.fix(robot.name, robot.pose, captured)
