@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from basestation.fleet.state_store import StateStore
-from basestation.localization.belief import Reach
+from basestation.localization.of_scenario import make_fusion
 from basestation.localization.sightings import SightingSource
 from basestation.tasks.health import HealthTask
 from basestation.tasks.kept_state import KeptStateTask
@@ -39,8 +39,7 @@ class Station:
     def __init__(self, bus: Bus, scenario: Scenario, state: Path | None, sources: Sequence[SightingSource]) -> None:
         self.store = StateStore(scenario, state)
         self._sources = sources
-        reach = {name: Reach(r.radius, r.v_max, r.omega_max) for name, r in scenario.robot.items()}
-        self._positions = PositionsTask(bus, scenario.arena, reach)
+        self._positions = PositionsTask(bus, scenario.robots, make_fusion(scenario))
         self._kept = KeptStateTask(bus, self.store)
         self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
         self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))

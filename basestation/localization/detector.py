@@ -68,7 +68,7 @@ class TagDetector:
         self.hard = len(hard) > len(lit)
         return hard if self.hard else lit
 
-    def detect_near(self, image: Picture, expected: Iterable[Marker], *, reach: float = 0.4) -> list[Marker]:
+    def detect_near(self, image: Picture, expected: Iterable[Marker], *, reach: float = 0.3) -> list[Marker]:
         """The tags near their expected positions; several times faster than searching the whole picture.
 
         All tags in a crop are returned, even when another one was expected there.
@@ -83,7 +83,8 @@ class TagDetector:
             return []
         height, width = image.shape
         corners = np.stack([marker.corners for marker in expected])
-        around = [[reach * marker.side + 4.0] for marker in expected]
+        sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0)).mean(axis=1, keepdims=True)
+        around = reach * sides + 4.0
         limits = np.array((width, height))
         lows = np.floor(corners.min(axis=1) - around).clip(0, limits).astype(np.int64).tolist()
         highs = np.ceil(corners.max(axis=1) + around).clip(0, limits).astype(np.int64).tolist()

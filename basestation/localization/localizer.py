@@ -126,6 +126,18 @@ class Localizer:
         single = [(marker.id, sighting) for marker, sighting in found if counts[marker.id] == 1]
         return [sighting for _, sighting in sorted(single, key=itemgetter(0))]
 
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What is wrong with the tags in the newest pictures, for the operator."""
+        sees = f"camera {self.camera} sees tag"
+        unknown = [f"{sees} {tag}, which no robot has" for tag in sorted(self.unknown_tags)]
+        duplicate = [f"{sees} {tag} twice" for tag in sorted(self.duplicate_tags)]
+        misfit = [
+            f"{sees} {tag} with a side of {size:.3f} m: check its tag_size"
+            for tag, size in sorted(self.misfit_tags.items())
+        ]
+        return (*unknown, *duplicate, *misfit)
+
     def _search(self, image: Picture) -> list[Marker]:
         missing = not self._tracks or any(track.missed > 0 for track in self._tracks)
         self._since_sweep += 1
@@ -139,20 +151,22 @@ class Localizer:
 
     def _follow(self, markers: list[Marker]) -> None:
         """Assign markers to tracks, nearest first; the others start new tracks."""
-        left = list(self._tracks)
+        left: dict[int, list[_Track]] = {}
+        for track in self._tracks:
+            left.setdefault(track.marker.id, []).append(track)
         tracks: list[_Track] = []
         for marker in markers:
-            same = [track for track in left if track.marker.id == marker.id]
+            same = left.get(marker.id)
             step = (0.0, 0.0)
             if same:
                 u, v = marker.centre
                 nearest = min(same, key=lambda track: math.dist(track.marker.centre, (u, v)))
-                left.remove(nearest)
+                same.remove(nearest)
                 before = nearest.marker.centre
                 if nearest.missed == 0 and math.dist(before, (u, v)) < marker.side:
                     step = (u - before[0], v - before[1])
             tracks.append(_Track(marker, step))
-        tracks += [track.unseen() for track in left if track.missed < self._remember]
+        tracks += [track.unseen() for row in left.values() for track in row if track.missed < self._remember]
         self._tracks = tracks
 
     def _sightings(self, markers: list[Marker]) -> list[tuple[Marker, Sighting]]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 from basestation.fleet.table import FleetTable, Motion
-from basestation.localization.belief import Reach
 from basestation.localization.fusion import Fusion
 from basestation.localization.sightings import Sightings, SightingSource
 from muro_zenoh import channels
-from muro_zenoh.geometry import Bounds
 from muro_zenoh.messages import FleetSnapshot, PoseFix
 from muro_zenoh.transport import Bus
 
@@ -27,8 +25,8 @@ class PositionsTask:
 
     Args:
         bus: the bus.
-        arena: the floor.
-        robots: how far each robot can get, by name.
+        robots: the names of the robots.
+        fusion: makes fixes of what the cameras see.
 
     Attributes:
         frames: number of frames that arrived in time, good or bad.
@@ -38,7 +36,7 @@ class PositionsTask:
         complaints: problems in the newest frame of each camera, by the camera's name.
     """
 
-    def __init__(self, bus: Bus, arena: Bounds, robots: Mapping[str, Reach]) -> None:
+    def __init__(self, bus: Bus, robots: Iterable[str], fusion: Fusion) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
@@ -46,7 +44,7 @@ class PositionsTask:
         self.complaints: dict[str, tuple[str, ...]] = {}
         self._clock = bus.clock
         self._table = FleetTable()
-        self._fusion = Fusion(arena, robots)
+        self._fusion = fusion
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
         self._estimates = bus.latest(channels.ESTIMATE, "*")

@@ -8,15 +8,13 @@ from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from typing import NamedTuple
 
-from basestation.localization.detector import TagDetector
-from basestation.localization.floor_map import FloorMap
 from basestation.localization.frames import decode_frame
 from basestation.localization.localizer import Localizer
+from basestation.localization.of_scenario import make_localizer
 from basestation.localization.sightings import Sighting, Sightings, SightingSource
 from muro_zenoh import channels
-from muro_zenoh.config import CameraSettings, Scenario
-from muro_zenoh.config.cameras import camera_model
-from muro_zenoh.errors import ConfigError, MessageError
+from muro_zenoh.config import Scenario
+from muro_zenoh.errors import MessageError
 from muro_zenoh.messages import Frame
 from muro_zenoh.transport import Bus, Received
 
@@ -76,23 +74,12 @@ class CameraOnBus:
             raise MessageError("got the same picture as before, expected a new one: is the camera stuck?")
         self._last_picture = frame.data
         robots = self._localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
-        return _Found(tuple(robots), _tag_complaints(self._localizer))
+        return _Found(tuple(robots), self._localizer.complaints)
 
 
 class _Found(NamedTuple):
     robots: tuple[Sighting, ...]
     complaints: tuple[str, ...]
-
-
-def _tag_complaints(localizer: Localizer) -> tuple[str, ...]:
-    sees = f"camera {localizer.camera} sees tag"
-    unknown = [f"{sees} {tag}, which no robot has" for tag in sorted(localizer.unknown_tags)]
-    duplicate = [f"{sees} {tag} twice" for tag in sorted(localizer.duplicate_tags)]
-    misfit = [
-        f"{sees} {tag} with a side of {size:.3f} m: check its tag_size"
-        for tag, size in sorted(localizer.misfit_tags.items())
-    ]
-    return (*unknown, *duplicate, *misfit)
 
 
 def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[SightingSource]:
@@ -107,21 +94,6 @@ def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[Sig
         ConfigError: a camera's points do not determine a homography, or its family of tags is unknown.
     """
     return [
-        CameraOnBus(bus, _localizer(name, camera, scenario), camera.latency, executor)
+        CameraOnBus(bus, make_localizer(scenario, name), camera.latency, executor)
         for name, camera in scenario.camera.items()
     ]
-
-
-def _localizer(name: str, camera: CameraSettings, scenario: Scenario) -> Localizer:
-    tags = {robot.tag: (key, robot.mount) for key, robot in scenario.robot.items() if robot.tag is not None}
-    try:
-        detector = TagDetector(camera.family, camera.detector)
-    except ValueError as error:
-        raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
-    return Localizer(
-        name,
-        FloorMap(camera_model(name, camera, scenario.arena)),
-        detector,
-        tags,
-        corner_noise=camera.sigma_pixels,
-    )

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 NO_DISTORTION: Final = (0.0, 0.0, 0.0, 0.0, 0.0)
 
+_EXACT = 1e-5  # an error that the next step of Newton's method makes less than 1e-10
 _ITERATIONS = 20  # Newton's method needs four for an ordinary lens
 
 
@@ -107,25 +108,30 @@ class CameraModel:
         if self.distortion == NO_DISTORTION:
             return target
         k1, k2, p1, p2, k3 = self.distortion
-        ray = target.copy()
+        u, v = target[..., 0], target[..., 1]
+        squared = u * u + v * v
+        shrink = 1.0 + squared * (k1 + squared * (k2 + squared * k3))
+        shrink = np.where(shrink > 0.5, shrink, 1.0)
+        x, y = u / shrink, v / shrink
         for _ in range(_ITERATIONS):
-            x, y = ray[..., 0], ray[..., 1]
-            squared = x * x + y * y
+            xx, xy, yy = x * x, x * y, y * y
+            squared = xx + yy
             radial = 1.0 + squared * (k1 + squared * (k2 + squared * k3))
-            slope = 2.0 * (k1 + squared * (2.0 * k2 + 3.0 * k3 * squared))
-            off = self._distort(ray) - target
-            xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-            yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
-            xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-            determinant = xx * yy - xy * xy
-            step = np.stack((yy * off[..., 0] - xy * off[..., 1], xx * off[..., 1] - xy * off[..., 0]), axis=-1)
-            step /= np.where(determinant > 0.0, determinant, np.nan)[..., None]
-            ray -= step
-            if not np.nanmax(np.abs(step), initial=0.0) > 1e-10:
+            slope = 2.0 * (k1 + squared * (2.0 * k2 + (3.0 * k3) * squared))
+            off_u = x * radial + (2.0 * p1) * xy + p2 * (squared + 2.0 * xx) - u
+            off_v = y * radial + (2.0 * p2) * xy + p1 * (squared + 2.0 * yy) - v
+            uu = radial + slope * xx + (2.0 * p1) * y + (6.0 * p2) * x
+            vv = radial + slope * yy + (6.0 * p1) * y + (2.0 * p2) * x
+            uv = slope * xy + (2.0 * p1) * x + (2.0 * p2) * y
+            determinant = uu * vv - uv * uv
+            determinant = np.where(determinant > 0.0, determinant, np.nan)
+            x = x - (vv * off_u - uv * off_v) / determinant
+            y = y - (uu * off_v - uv * off_u) / determinant
+            if not np.nanmax(np.abs(off_u) + np.abs(off_v), initial=0.0) > _EXACT:
                 break
-        unique = (ray * ray).sum(axis=-1, keepdims=True) < _fold(self.distortion)
-        single: Array = np.where(unique, ray, np.nan)
-        return single
+        rays: Array = np.stack((x, y), axis=-1)
+        rays[~(x * x + y * y < _fold(self.distortion))] = np.nan
+        return rays
 
     def moved(self, rotation: Sequence[float], shift: Sequence[float] = (0.0, 0.0, 0.0)) -> CameraModel:
         """The same camera after a bump.
