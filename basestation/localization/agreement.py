@@ -15,8 +15,9 @@ _LEAST = 12
 """... and at least so many sightings."""
 _APART = 0.006
 """Two cameras that see the robots this far apart disagree [m]; calibrated ones are within 1 to 3 mm."""
-_TURNED = math.radians(0.6)
-"""The same for the headings [rad]."""
+_TURNED = math.radians(1.0)
+"""The same for the headings [rad]: the median of twelve of them is uncertain by a tenth of a degree, and more where
+their errors go together."""
 _JUMP = 0.005
 """All robots of a camera jump by this from one frame to the next: the camera moved [m]. Their brakes allow 2.5 mm."""
 _JUMP_ALONE = 0.008
