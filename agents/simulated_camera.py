@@ -17,8 +17,9 @@ from muro_zenoh.config import CameraSettings, Scenario
 from muro_zenoh.elementwise import Array
 from muro_zenoh.messages import Frame
 from muro_zenoh.optics.camera_model import CameraModel
+from muro_zenoh.optics.jpeg import encode_jpeg
 from muro_zenoh.simulation.arms import Arms
-from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.transport import Publisher
 
 

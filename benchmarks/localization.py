@@ -40,7 +40,8 @@ from basestation.localization.markers import Marker, Picture
 from basestation.localization.sightings import Sighting
 from muro_zenoh.geometry import Bounds, TagMount
 from muro_zenoh.optics.camera_model import hung
-from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from muro_zenoh.optics.jpeg import encode_jpeg
+from muro_zenoh.simulation.camera import OverheadCamera
 
 Array = NDArray[np.float64]
 Result = TypeVar("Result")

@@ -310,16 +310,3 @@ def _smear(blur: float, u: float, v: float) -> NDArray[np.float64]:
     kernel = np.exp(-0.5 * (a * du * du + 2.0 * b * du * dv + d * dv * dv))
     even: NDArray[np.float64] = kernel / kernel.sum()
     return even
-
-
-def encode_jpeg(picture: Picture, quality: int = 85) -> bytes:
-    """A grey picture as JPEG.
-
-    Args:
-        picture: (height, width) of uint8.
-        quality: 1 to 100; 80 to 85 costs the detector no accuracy.
-    """
-    ok, data = cv2.imencode(".jpg", picture, (cv2.IMWRITE_JPEG_QUALITY, quality))
-    if not ok:
-        raise ValueError(f"OpenCV cannot write a picture of shape {picture.shape} as JPEG")
-    return data.tobytes()

@@ -6,9 +6,10 @@ import pytest
 
 from muro_zenoh.geometry import Bounds, TagMount
 from muro_zenoh.optics.camera_model import hung, planar
+from muro_zenoh.optics.jpeg import encode_jpeg
 from muro_zenoh.optics.plane import fit_plane
 from muro_zenoh.simulation.arms import Arms
-from muro_zenoh.simulation.camera import BODY, OverheadCamera, encode_jpeg
+from muro_zenoh.simulation.camera import BODY, OverheadCamera
 from muro_zenoh.simulation.tag_print import BLACK, WHITE, corners_in_world
 from tests.support.cameras import plane_camera, straight_down_view
 

@@ -11,8 +11,9 @@ from basestation.localization.markers import Marker
 from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Bounds, Pose2, TagMount, View, wrap_to_pi
+from muro_zenoh.optics.jpeg import encode_jpeg
 from muro_zenoh.optics.plane import fit_plane
-from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.simulation.tag_print import corners_in_world
 from tests.support.cameras import plane_camera
 

@@ -16,7 +16,8 @@ from basestation.localization.markers import Marker
 from muro_zenoh.errors import MissingExtra
 from muro_zenoh.geometry import Bounds, TagMount
 from muro_zenoh.optics.camera_model import planar
-from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from muro_zenoh.optics.jpeg import encode_jpeg
+from muro_zenoh.simulation.camera import OverheadCamera
 from tests.support.cameras import plane_camera
 
 PHOTOGRAPHS = Path(__file__).parents[2] / "../shared/data/tags"
