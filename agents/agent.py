@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tasks.health import report_health
 from agents.tasks.orders import answer_goals, obey_stops
+from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.channels import Role
 from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
-from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport import Bus, open_bus, with_local_link
+
+log = logging.getLogger(__name__)
 
 
 class Agent:
@@ -32,9 +36,14 @@ class Agent:
         settings = _robot(scenario, name)
         self._bus = bus
         self._name = name
-        self._loop = ControlLoop(name, settings)
+        separation = scenario.separation_of(name)
+        if separation is None:
+            log.warning("%s: separation.enabled is false, so this robot drives into others and walls", name)
+        self._loop = ControlLoop(name, settings, scenario.timeouts, separation)
         self._sender = Sender(bus, name)
-        self._listener = Listener(bus, name)
+        self._listener = Listener(
+            bus, name, scenario.timeouts, frozenset({Need.SNAPSHOT}) if separation is not None else frozenset()
+        )
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:
@@ -63,11 +72,11 @@ async def run_agent(scenario: Scenario, name: str) -> None:
         name: the robot's name.
 
     Raises:
-        NotConnected: no router answered.
+        NotConnected: no router answered, and the robot has no link to its base.
         ConfigError: the settings have no such robot.
     """
-    _robot(scenario, name)  # check before anything is opened
-    async with open_bus(scenario.bus, Role.AGENT) as bus:
+    robot = _robot(scenario, name)
+    async with open_bus(with_local_link(scenario.bus, robot.base_link, "agent"), Role.AGENT) as bus:
         agent = Agent(bus, scenario, name)
         bus.announce(Role.AGENT, name)
         ready("agent", name)

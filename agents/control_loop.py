@@ -6,51 +6,31 @@ the same loop as a robot.
 
 from __future__ import annotations
 
-import logging
 import math
-from collections import Counter
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from agents.drive import Drive
 from agents.failure import FAILURES, OnFailure
+from agents.outgoing import Outgoing, calibrations, estimate_message, shown
+from agents.tracking import Tracking
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
-from muro_zenoh.channels import Channel
-from muro_zenoh.config import RobotSettings
-from muro_zenoh.errors import ParameterError
-from muro_zenoh.estimation.pose_filter import FilterSettings, PoseEstimate, PoseFilter
+from muro_zenoh.config import TIMEOUTS, RobotSettings, Timeouts
+from muro_zenoh.estimation.pose_filter import PoseEstimate
 from muro_zenoh.geometry import STILL, Circle, State
-from muro_zenoh.messages import (
-    Calibration,
-    Cell,
-    Estimate,
-    Message,
-    PlannedPath,
-    PoseFix,
-    SpeedReference,
-    StopOrder,
-    VelocityCommand,
-)
+from muro_zenoh.messages import PoseFix, StopOrder, VelocityCommand
 from muro_zenoh.runtime.waiting import without_numbers
 from muro_zenoh.safety.gate import reasons_to_hold
-from muro_zenoh.safety.limits import calibrate_and_limit
+from muro_zenoh.safety.separation import Separation
 from muro_zenoh.safety.stop import StopLatch
-
-log = logging.getLogger(__name__)
-
-Outgoing = list[tuple[Channel[Any], Message]]
-"""Messages to send, each under this robot's name."""
-
-_REPEAT = 0.1
-"""A command is repeated, or set to zero, when none was sent for this time [s]; the base's dead-man acts after 0.3 s."""
 
 _INTENT_TIMEOUT = 0.25
 """An intent older than this is ignored [s]."""
 
-_FILTER = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=channels.CMD_VEL.stale_after)
-
-_FASTEST = 4.0
-"""Odometry faster than this multiple of the robot's limits is invalid."""
+_PAUSE = 0.5
+"""Not updated for this time, the process was frozen, or a behaviour has blocked it [s]. What was ordered meanwhile may
+still be on its way, or lost."""
 
 
 class Surroundings(NamedTuple):
@@ -70,41 +50,45 @@ class ControlLoop:
     Args:
         name: the robot's name.
         robot: its settings.
+        timeouts: how old a pose and the positions may be, and when the base gives up a command.
+        separation: keeps the robot clear of the others; None drives without.
 
     Attributes:
+        tracking: what is known of where the robot is.
+        drive: makes the commands.
         latch: the stop latch.
         reasons: why the robot must not drive, most important first; empty while it may drive.
         seen: the observations at the newest estimate; None before the first.
         changed: whether the latch, the stopped names or the reasons have changed; the health report clears it.
-        fixes: number of accepted fixes since the start.
         commands: number of commands sent since the start.
         stopped_names: the robots that stop orders name: the newest one, and all that came since and are not newer.
             An operator's may be one of those, and a robot that it stopped may forget it, because its agent restarts.
-        refused: number of fixes and odometry messages that were refused since the start, by reason.
-        pose_ages: for each accepted fix, the time from capture to the estimate that used it [s]; the health report
-            clears it.
     """
 
-    def __init__(self, name: str, robot: RobotSettings) -> None:
+    def __init__(
+        self, name: str, robot: RobotSettings, timeouts: Timeouts = TIMEOUTS, separation: Separation | None = None
+    ) -> None:
+        self.tracking = Tracking(robot, timeouts.command)
+        self.drive = Drive(robot, separation)
         self.latch = StopLatch()
         self.reasons: tuple[str, ...] = ()
         self.seen: Seen | None = None
         self.changed = False
-        self.fixes = 0
         self.commands = 0
         self.stopped_names: frozenset[str] = frozenset()
-        self.refused: Counter[str] = Counter()
-        self.pose_ages: list[float] = []
         self._name = name
         self._robot = robot
-        self._filter = PoseFilter(_FILTER, robot.wheels)
+        self._timeouts = timeouts
         self._estimate: PoseEstimate | None = None
+        self._around = Surroundings()
         self._behaviour: Behaviour | None = None
         self._on_failure: OnFailure | None = None
         self._intent = hold("no behaviour yet")
         self._intended = -math.inf
         self._sent = -math.inf
         self._calibrated = -math.inf
+        self._updated = math.inf
+        self._paused = 0.0
         self._ended = False
 
     # ---- events
@@ -126,28 +110,25 @@ class ControlLoop:
         """
         if self._ended:
             return []
-        for t, v, omega in odometry:
-            if self._is_possible(now, t, v, omega):
-                self._filter.twist(t, v, omega)
-            else:
-                self.refused["odometry"] += 1
-        for captured, fix in fixes:
-            self._take(now, captured, fix)
+        if now - self._updated > _PAUSE:
+            self._paused = now - self._updated
+        self._updated, self._around = now, around
+        self.tracking.take(now, fixes, odometry)
         out: Outgoing = []
-        estimate = self._estimate = self._filter.at(now)
+        estimate = self._estimate = self.tracking.filter.at(now)
         if estimate is not None:
             seen = self.seen = self._look(now, estimate, around)
-            out.append((channels.ESTIMATE, _estimate_message(now, estimate)))
+            out.append((channels.ESTIMATE, estimate_message(now, estimate)))
             if now - self._calibrated >= channels.CAL_V.period:
                 self._calibrated = now
-                out.append((channels.CAL_V, _calibration(estimate.s_v, estimate.sigma_v)))
-                out.append((channels.CAL_OMEGA, _calibration(estimate.s_omega, estimate.sigma_omega)))
+                out += calibrations(estimate)
             if self._behaviour is not None:
                 self._step(now, self._behaviour, seen, out)
                 self._command(now, out)
                 return out
         # A behaviour that is a task of its own commands by want(); here its command is only repeated or set to zero.
-        if now - self._sent >= _REPEAT:
+        # It is repeated three times before the base's dead-man gives it up.
+        if now - self._sent >= self._timeouts.command / 3.0:
             self._command(now, out)
         return out
 
@@ -176,16 +157,20 @@ class ControlLoop:
             self._command(now, out)
         return out
 
-    def take_stop(self, now: float, order: StopOrder) -> Outgoing:
+    def take_stop(self, now: float, order: StopOrder, age: float = 0.0) -> Outgoing:
         """Take a stop order from any sender; command zero at once when it stops this robot.
 
         Args:
             now: the time.
             order: the order.
+            age: of the order [s]. A stop counts at any age; only one that is not left over from a pause ends the wait
+                for the stop state after it.
         """
         before = self.latch, self.stopped_names
         latch, names = before
         self.latch = latch.receive(self._name, all_robots=order.all, names=order.names, revision=order.revision)
+        if age <= _PAUSE and order.revision == self.latch.revision:
+            self._paused = 0.0
         # A newer order is the whole state; any other one stops more robots.
         self.stopped_names = (
             names.union(order.names) if self.latch.revision == latch.revision else frozenset(order.names)
@@ -209,32 +194,11 @@ class ControlLoop:
 
     # ---- from fix to state
 
-    def _take(self, now: float, captured: float, fix: PoseFix) -> None:
-        if not now - _FILTER.history <= captured <= now:
-            self.refused["fix untimely"] += 1
-            return
-        result = self._filter.fix(captured, fix.x, fix.y, fix.theta, fix.covariance)
-        if result.accepted:
-            self.fixes += 1
-            self.pose_ages.append(now - captured)
-        else:
-            self.refused[f"fix {result.reason}"] += 1
-        if result.restarted:
-            log.warning("the fixes disagree with the track: restarting the filter at (%.2f, %.2f)", fix.x, fix.y)
-
-    def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
-        """Whether odometry has a recent time and speeds that these wheels could have."""
-        return (
-            now - _FILTER.history <= t <= now
-            and abs(v) <= _FASTEST * self._robot.v_max
-            and abs(omega) <= _FASTEST * self._robot.omega_max
-        )
-
     def _look(self, now: float, estimate: PoseEstimate, around: Surroundings) -> Seen:
         return Seen(
             now,
             State(estimate.x, estimate.y, estimate.theta, estimate.v, estimate.omega),
-            self._filter.look_ahead(estimate, now, self._robot.lag),
+            self.tracking.filter.look_ahead(estimate, now, self._robot.lag),
             *around,
             self.stopped_names,
             not self.reasons,
@@ -253,68 +217,37 @@ class ControlLoop:
             self._intend(now, hold(self._on_failure(error)), out)
 
     def _intend(self, now: float, intent: Intent, out: Outgoing) -> None:
-        shown = _shown(intent)  # may raise: before anything is kept
+        messages = shown(intent)  # may raise: before anything is kept
         self._intent, self._intended = intent, now
-        out += shown
+        out += messages
 
     def _command(self, now: float, out: Outgoing) -> None:
-        estimate, intent = self._estimate, self._intent
+        estimate, intent, around = self._estimate, self._intent, self._around
+        since = now - self._updated if math.isfinite(self._updated) else 0.0
+        if estimate is not None and since > 0.0:  # a behaviour that is a task of its own commands between updates
+            estimate = self.tracking.filter.at(now)
+        snapshot_age = around.snapshot_age + since
         # A behaviour that is stepped at each estimate has not been stepped before the first: only the pose is missing.
         stepped = self._behaviour is None or estimate is not None
         reasons = reasons_to_hold(
             latch=self.latch,
+            pause=self._paused,
             fix_age=now - estimate.t_fix if estimate is not None else math.inf,
-            fix_limit=channels.POSE.stale_after,
+            fix_limit=self._timeouts.pose,
+            snapshot_age=snapshot_age if self.drive.needs_positions else 0.0,
+            snapshot_limit=self._timeouts.snapshot,
             twist_age=now - self._intended if stepped else 0.0,
             twist_limit=_INTENT_TIMEOUT,
             hold=intent.reason if stepped and intent.twist is None else "",
         )
         command = STILL
-        if not reasons and estimate is not None and intent.twist is not None:
-            command = calibrate_and_limit(
-                intent.twist,
-                cal_v=1.0 / estimate.s_v,
-                cal_omega=1.0 / estimate.s_omega,
-                v_max=self._robot.v_max,
-                omega_max=self._robot.omega_max,
-            )
+        if estimate is not None:
+            snapshot = around.snapshot._replace(age=snapshot_age) if around.snapshot is not None else None
+            twist = intent.twist if not reasons else None
+            command = self.drive.command(now, estimate, twist, snapshot, intent.target)
         self.changed |= without_numbers(reasons) != without_numbers(self.reasons)
         self.reasons = reasons
         self._sent = now
         self.commands += 1
-        self._filter.command(now, command.v, command.omega)
+        self.tracking.filter.command(now, command.v, command.omega)
         out.append((channels.CMD_VEL, VelocityCommand(stamp=now, v=command.v, omega=command.omega)))
-
-
-def _shown(intent: Intent) -> Outgoing:
-    """What others see of an intent; raises for one that cannot be driven or sent."""
-    if intent.twist is not None and not all(map(math.isfinite, intent.twist)):
-        raise ParameterError("twist", got=repr(intent.twist), expected="finite numbers [m/s, rad/s]")
-    out: Outgoing = []
-    if intent.speed is not None:
-        out.append((channels.VELOCITY, SpeedReference(speed=intent.speed)))
-    if intent.path is not None:
-        x, y, theta = intent.path.start
-        segments = tuple((segment.length, segment.curvature) for segment in intent.path.segments)
-        path = PlannedPath(x=x, y=y, theta=theta, segments=segments, goal_theta=intent.path_has_heading)
-        out.append((channels.PATH, path))
-    if intent.cell is not None:
-        out.append((channels.CELL, Cell(corners=intent.cell.corners, x=intent.cell.x, y=intent.cell.y)))
-    return out
-
-
-def _estimate_message(now: float, estimate: PoseEstimate) -> Estimate:
-    return Estimate(
-        stamp=now,
-        x=estimate.x,
-        y=estimate.y,
-        theta=estimate.theta,
-        v=estimate.v,
-        omega=estimate.omega,
-        covariance=estimate.covariance9,
-    )
-
-
-def _calibration(scale: float, sigma: float) -> Calibration:
-    """The factor that corrects a drive scale, and its standard deviation to first order."""
-    return Calibration(value=1.0 / scale, sigma=sigma / scale**2)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import Executor
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from agents.base.simulated import Floor
+from agents.base.simulated import Look
 from muro_zenoh.config import CameraSettings, Scenario
 from muro_zenoh.elementwise import Array
 from muro_zenoh.messages import Frame
@@ -23,13 +23,19 @@ from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.transport import Publisher
 
 
-class _Scene(NamedTuple):
-    """What a camera sees: when [s], the robots' poses and twists, and the corners of an arm [px]."""
+class _Shot(NamedTuple):
+    """What a picture shows: the robots at one moment, and the corners of an arm [px]."""
 
-    stamp: float
-    poses: Array
-    twists: Array
+    seen: Look
     cover: Array | None
+
+
+class Scene(Protocol):
+    """What a camera sees."""
+
+    def look(self) -> Look | None:
+        """All robots now; None when nothing can be seen."""
+        ...
 
 
 class SimulatedCamera:
@@ -40,7 +46,7 @@ class SimulatedCamera:
         settings: its settings.
         model: its lens, and where it is.
         scenario: the arena, the robots and the simulation's hidden settings.
-        floor: the floor that it sees.
+        scene: what it sees.
         seed: seed of the floor's texture and of the noise.
         executor: renders the pictures: threads, except in virtual time.
 
@@ -56,7 +62,7 @@ class SimulatedCamera:
         settings: CameraSettings,
         model: CameraModel,
         scenario: Scenario,
-        floor: Floor,
+        scene: Scene,
         seed: int,
         executor: Executor,
     ) -> None:
@@ -66,7 +72,7 @@ class SimulatedCamera:
         self._frames = frames
         self._settings = settings
         self._model = model
-        self._floor = floor
+        self._scene = scene
         self._executor = executor
         self._scenario = scenario
         self._mounts = [robot.mount for robot in scenario.robot.values()]
@@ -94,22 +100,23 @@ class SimulatedCamera:
                 if rendering is not None and not rendering.done():
                     self.skipped += 1
                     continue
+                seen = self._scene.look()
+                if seen is None:
+                    continue
                 self.captured += 1
-                stamp = self._floor.catch_up()
                 jitter, luck = self._luck.random(2).tolist()
                 latency = hidden.camera_latency + hidden.camera_jitter * jitter
-                due = max(due, loop.time() + latency - self._floor.behind)  # frames stay in order
+                due = max(due, loop.time() + latency - seen.behind)  # frames stay in order
                 if luck < hidden.camera_loss:
                     self.lost += 1
                     continue
-                plant = self._floor.plant
-                scene = _Scene(stamp, plant.pose.copy(), plant.twist, self._arms.cover(loop.time() - begin))
-                rendering = tasks.create_task(self._take(lens, scene, due), name="render")
+                shot = _Shot(seen, self._arms.cover(loop.time() - begin))
+                rendering = tasks.create_task(self._take(lens, shot, due), name="render")
 
-    async def _take(self, lens: OverheadCamera, scene: _Scene, due: float) -> None:
+    async def _take(self, lens: OverheadCamera, shot: _Shot, due: float) -> None:
         """Render a picture, and schedule it to be sent at loop time ``due``."""
         loop = asyncio.get_running_loop()
-        frame = await loop.run_in_executor(self._executor, self._render, lens, scene)
+        frame = await loop.run_in_executor(self._executor, self._render, lens, shot)
         loop.call_at(due, self._frames.put, frame)
 
     def _make_lens(self) -> OverheadCamera:
@@ -124,11 +131,13 @@ class SimulatedCamera:
             seed=self._seed,
         )
 
-    def _render(self, lens: OverheadCamera, scene: _Scene) -> Frame:
-        picture = lens.render(scene.poses, self._mounts, self._radii, self._rng, twists=scene.twists, cover=scene.cover)
+    def _render(self, lens: OverheadCamera, shot: _Shot) -> Frame:
+        picture = lens.render(
+            shot.seen.poses, self._mounts, self._radii, self._rng, twists=shot.seen.twists, cover=shot.cover
+        )
         quality = self._settings.jpeg_quality
         return Frame(
-            stamp=scene.stamp,
+            stamp=shot.seen.stamp,
             width=self._settings.width,
             height=self._settings.height,
             format="jpeg" if quality > 0 else "grey",

@@ -5,22 +5,23 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from collections.abc import Collection
 from concurrent.futures import Executor
 
 import numpy as np
 
 from agents.base.run import run_bases
-from agents.base.simulated import Floor, SimulatedWheels
-from agents.simulated_camera import SimulatedCamera
+from agents.base.simulated import Floor, SimulatedWheels, make_plant
+from agents.distant_floor import DistantFloor
+from agents.simulated_camera import Scene, SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
-from muro_zenoh.config.cameras import camera_models
+from muro_zenoh.config.cameras import camera_model
+from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
-from muro_zenoh.simulation.plant import Plant
-from muro_zenoh.simulation.starts import random_starts
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
@@ -34,30 +35,27 @@ class Room:
         scenario: the settings.
         seed: seed of starts, hidden drive errors and all noise.
         executor: renders the cameras' pictures; with one thread per camera none waits for another.
+        cameras: the names of the cameras in this process; all of them by default.
 
     Raises:
         PlanningError: the robots do not fit into the arena.
         ConfigError: points that do not determine a camera, or a lens that no camera has.
     """
 
-    def __init__(self, bus: Bus, scenario: Scenario, seed: int, executor: Executor) -> None:
-        rng = np.random.default_rng(seed)
-        robots = list(scenario.robot.values())
-        hidden = scenario.simulation
-        radii = np.array([robot.radius for robot in robots])
-        starts = random_starts(rng, len(robots), scenario.arena, radii)
-        limits = [robot.wheels for robot in robots]
-        self.plant = Plant(starts, rng, limits=limits, radius=radii, drive_error=hidden.drive_error, slip=hidden.slip)
-        self.floor = Floor(self.plant, bus.clock)
-        models = camera_models(scenario.camera, scenario.arena)
+    def __init__(
+        self, bus: Bus, scenario: Scenario, seed: int, executor: Executor, cameras: Collection[str] | None = None
+    ) -> None:
+        self.plant = make_plant(scenario, np.random.default_rng(seed))
+        self.floor = Floor(self.plant, bus.clock, scenario.timeouts.command)
         self.cameras = {
-            name: SimulatedCamera(
-                bus.publisher(channels.CAMERA, name), camera, models[name], scenario, self.floor, seed + index, executor
-            )
-            for index, (name, camera) in enumerate(scenario.camera.items())
+            name: make_camera(bus, scenario, name, self.floor, seed, executor)
+            for name in scenario.camera
+            if cameras is None or name in cameras
         }
         self._bus = bus
-        self._wheels = {name: SimulatedWheels(self.floor, row) for row, name in enumerate(scenario.robot)}
+        self._dead_man = scenario.timeouts.command
+        self._limits = {name: robot.wheels for name, robot in scenario.robot.items()}
+        self._wheels = {name: SimulatedWheels(self.floor, row, name) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
         self._bases = bus.latest(channels.BASE, "*", own_only=True)
@@ -65,7 +63,8 @@ class Room:
     async def run(self) -> None:
         """Run bases, plant and cameras."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(run_bases(self._bus, self._wheels, self._bus.clock), name="bases")
+            bases = run_bases(self._bus, self._wheels, self._bus.clock, self._dead_man, self._limits)
+            tasks.create_task(bases, name="bases")
             tasks.create_task(self._publish_truth(), name="truth")
             for name, camera in self.cameras.items():
                 tasks.create_task(camera.run(), name=f"camera {name}")
@@ -111,12 +110,36 @@ class Room:
         return numbers | self._bus.numbers()
 
 
-async def run_simulator(scenario: Scenario, seed: int) -> None:
+def make_camera(
+    bus: Bus, scenario: Scenario, name: str, scene: Scene, seed: int, executor: Executor
+) -> SimulatedCamera:
+    """One of the scenario's cameras; its noise is the same whichever process it is in.
+
+    Args:
+        bus: the bus for its frames.
+        scenario: the settings.
+        name: the camera's name.
+        scene: what it sees.
+        seed: the simulator's.
+        executor: renders its pictures.
+
+    Raises:
+        ConfigError: points that do not determine a camera, or a lens that no camera has.
+    """
+    index = list(scenario.camera).index(name)
+    frames = bus.publisher(channels.CAMERA, name)
+    settings = scenario.camera[name]
+    model = camera_model(name, settings, scenario.arena)
+    return SimulatedCamera(frames, settings, model, scenario, scene, seed + index, executor)
+
+
+async def run_simulator(scenario: Scenario, seed: int, *, cameras: bool = True) -> None:
     """The simulator process.
 
     Args:
         scenario: the settings.
         seed: seed of starts, hidden drive errors and all noise.
+        cameras: whether it simulates the cameras too; otherwise each of them is a process of its own.
 
     Raises:
         NotConnected: no router answered.
@@ -124,7 +147,29 @@ async def run_simulator(scenario: Scenario, seed: int) -> None:
     """
     async with open_bus(scenario.bus, Role.SIMULATOR, Role.BASE, Role.CAMERA) as bus:
         with worker_threads(len(scenario.camera), "camera") as threads:
-            room = Room(bus, scenario, seed, threads)
+            room = Room(bus, scenario, seed, threads, None if cameras else ())
             bus.announce(Role.SIMULATOR, "simulator")
             ready("simulator")
             await room.run()
+
+
+async def run_camera(scenario: Scenario, name: str, seed: int) -> None:
+    """The process of one simulated camera, beside a simulator without cameras.
+
+    Args:
+        scenario: the settings.
+        name: the camera's name.
+        seed: the simulator's.
+
+    Raises:
+        NotConnected: no router answered.
+        ConfigError: the settings have no such camera.
+    """
+    if name not in scenario.camera:
+        raise ConfigError(f"camera {name}", got=repr(name), expected=f"one of {', '.join(scenario.camera) or 'none'}")
+    async with open_bus(scenario.bus, Role.CAMERA) as bus:
+        with worker_threads(1, "camera") as threads:
+            camera = make_camera(bus, scenario, name, DistantFloor(bus, scenario.robots), seed, threads)
+            bus.announce(Role.CAMERA, name)
+            ready("camera", name)
+            await camera.run()

@@ -9,6 +9,7 @@ from pathlib import Path
 from basestation.fleet.state_store import StateStore
 from basestation.localization.of_scenario import make_fusion
 from basestation.localization.sightings import SightingSource
+from basestation.tasks.bases import BasesTask
 from basestation.tasks.health import HealthTask
 from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.orders import OrdersTask
@@ -39,10 +40,13 @@ class Station:
     def __init__(self, bus: Bus, scenario: Scenario, state: Path | None, sources: Sequence[SightingSource]) -> None:
         self.store = StateStore(scenario, state)
         self._sources = sources
-        self._positions = PositionsTask(bus, scenario.robots, make_fusion(scenario))
+        self._positions = PositionsTask(bus, scenario.robots, make_fusion(scenario), scenario.timeouts.pose)
         self._kept = KeptStateTask(bus, self.store)
         self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
-        self._health = HealthTask(bus, self._kept, self._positions, scenario.robots, tuple(scenario.camera))
+        self._bases = BasesTask(bus, self._positions.doubted)
+        self._health = HealthTask(
+            bus, self._kept, self._positions, self._bases, scenario.robots, tuple(scenario.camera)
+        )
 
     async def run(self) -> None:
         """Run all tasks. When one crashes, the base station exits, and the robots stop.
@@ -56,6 +60,7 @@ class Station:
                 for number, source in enumerate(self._sources):
                     tasks.create_task(self._positions.watch(source), name=f"vision {number}")
                 tasks.create_task(self._positions.repeat(), name="positions")
+                tasks.create_task(self._bases.run(), name="bases")
                 tasks.create_task(self._kept.run(), name="kept state")
                 tasks.create_task(self._health.be_the_only_one(), name="be the only one")
                 tasks.create_task(self._health.report(), name="health")

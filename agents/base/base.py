@@ -8,15 +8,18 @@ from __future__ import annotations
 import logging
 import math
 
+from agents.base.obedience import Obedience
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
+from muro_zenoh.config import TIMEOUTS
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Received
 
 log = logging.getLogger(__name__)
 
-DEAD_MAN = channels.CMD_VEL.stale_after
-"""Maximum age of a command that the wheels follow [s]."""
+DEAD_MAN = TIMEOUTS.command
+"""Maximum age of a command that the wheels follow, unless the settings have another [s]."""
 
 
 class Base:
@@ -25,13 +28,19 @@ class Base:
     Args:
         name: the robot's name, for the log.
         wheels: the wheels that it drives.
+        dead_man: maximum age of a command that the wheels follow [s].
+        limits: of the wheels, to notice that somebody else turns them; None where they are not known.
 
     Attributes:
         overtaken: how many commands were ignored because a later one of their writer had come before them.
     """
 
-    def __init__(self, name: str, wheels: Wheels) -> None:
+    def __init__(
+        self, name: str, wheels: Wheels, dead_man: float = DEAD_MAN, limits: WheelLimits | None = None
+    ) -> None:
         self._name = name
+        self._obedience = Obedience(limits) if limits is not None else None
+        self._dead_man = dead_man
         self._wheels = wheels
         self._reading = wheels.read()
         self.overtaken = 0
@@ -40,6 +49,7 @@ class Base:
         self._unsigned = False
         self._contested = -math.inf
         self._expires = -math.inf
+        self._now = -math.inf
         self._dead = True
         self._reported: tuple[float, ...] = ()
         self._reported_at = -math.inf
@@ -51,8 +61,9 @@ class Base:
             received: the received command.
             now: the time, for its age [s].
         """
+        self._now = now
         age = received.age(now)
-        if not age <= DEAD_MAN:  # written so that a NaN is refused too
+        if not age <= self._dead_man:  # written so that a NaN is refused too
             return  # stale: part of a backlog
         command = received.message
         if not command.epoch:
@@ -66,14 +77,19 @@ class Base:
             self._ignore_overtaken(command.seq)
             return
         self._seq = command.seq
-        self._expires = now - age + DEAD_MAN
+        self._expires = now - age + self._dead_man
         if now <= self._contested or self._wheels.read().hazard:
             self.stop()
             return
         if self._dead:
             self._dead = False
             log.info("%s: receiving commands", self._name)
-        self._wheels.command(command.v, command.omega)
+        self._turn(command.v, command.omega)
+
+    def _turn(self, v: float, omega: float) -> None:
+        self._wheels.command(v, omega)
+        if self._obedience is not None:
+            self._obedience.command(v, omega, self._now)
 
     def _refuse_unsigned(self) -> None:
         """Two processes that both omit their epoch could not be distinguished, and would drive in turns."""
@@ -114,16 +130,19 @@ class Base:
             now: the time [s].
         """
         self._reading = self._wheels.read()
+        self._now = now
+        if self._obedience is not None:
+            self._obedience.read(self._reading.v, self._reading.omega, now)
         # Written so that an invalid time stops the wheels too.
         if not now <= self._expires and not self._dead:
             self._dead = True
-            log.warning("%s: no fresh command for %g s, wheels at zero", self._name, DEAD_MAN)
+            log.warning("%s: no fresh command for %g s, wheels at zero", self._name, self._dead_man)
         if self._dead or self._reading.hazard:
             self.stop()
 
     def stop(self) -> None:
         """Set the wheels to zero."""
-        self._wheels.command(0.0, 0.0)
+        self._turn(0.0, 0.0)
 
     def odometry(self, now: float) -> Odometry:
         """What the wheels reported at the last beat.
@@ -141,7 +160,9 @@ class Base:
             now: the time of the last beat [s].
         """
         reading = self._reading
-        shown = (*reading[5:], self._dead)
+        contested = now <= self._contested
+        unruly = self._obedience is not None and self._obedience.unruly
+        shown = (*reading[5:], self._dead, contested, unruly)
         if shown == self._reported and now - self._reported_at < channels.BASE.period:
             return None
         self._reported, self._reported_at = shown, now
@@ -152,4 +173,6 @@ class Base:
             cliff=reading.cliff,
             wheel_drop=reading.wheel_drop,
             dead_man=self._dead,
+            contested=contested,
+            unruly=unruly,
         )

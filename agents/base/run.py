@@ -9,17 +9,19 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from contextlib import ExitStack
+from types import MappingProxyType
 
-from agents.base.base import Base
+from agents.base.base import DEAD_MAN, Base
 from agents.base.table import check_base, find
 from agents.base.wheels import Wheels
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
-from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport import Bus, open_bus, with_local_link
 
 _BEAT = 0.02
 """The dead-man is checked this often [s]."""
@@ -31,9 +33,16 @@ class _Bases:
     """The bases of one process, on one timer and one mailbox: with a timer and a task for each robot a simulator of
     thirty would have 1,500 wake-ups a second."""
 
-    def __init__(self, bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        wheels: Mapping[str, Wheels],
+        clock: Clock,
+        dead_man: float,
+        limits: Mapping[str, WheelLimits],
+    ) -> None:
         self._clock = clock
-        self._bases = {name: Base(name, driven) for name, driven in wheels.items()}
+        self._bases = {name: Base(name, driven, dead_man, limits.get(name)) for name, driven in wheels.items()}
         only = next(iter(wheels)) if len(wheels) == 1 else "*"
         self._commands = bus.latest(channels.CMD_VEL, only)
         self._odometry = {name: bus.publisher(channels.ODOMETRY, name) for name in wheels}
@@ -79,18 +88,33 @@ class _Bases:
                 self._states[name].put(state)
 
 
-async def run_bases(bus: Bus, wheels: Mapping[str, Wheels], clock: Clock) -> None:
+async def run_bases(
+    bus: Bus,
+    wheels: Mapping[str, Wheels],
+    clock: Clock,
+    dead_man: float = DEAD_MAN,
+    limits: Mapping[str, WheelLimits] = MappingProxyType({}),
+) -> None:
     """Run the bases of several robots until cancelled.
 
     Args:
         bus: the bus.
         wheels: the wheels, by the robot's name.
         clock: for ages.
+        dead_man: maximum age of a command that the wheels follow [s].
+        limits: of the wheels, by the robot's name, to notice that somebody else turns them.
     """
-    await _Bases(bus, wheels, clock).run()
+    await _Bases(bus, wheels, clock, dead_man, limits).run()
 
 
-async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
+async def run_base(
+    bus: Bus,
+    name: str,
+    wheels: Wheels,
+    clock: Clock,
+    dead_man: float = DEAD_MAN,
+    limits: WheelLimits | None = None,
+) -> None:
     """Run one robot's base until cancelled.
 
     Args:
@@ -98,8 +122,10 @@ async def run_base(bus: Bus, name: str, wheels: Wheels, clock: Clock) -> None:
         name: the robot's name.
         wheels: the robot's wheels.
         clock: for ages.
+        dead_man: maximum age of a command that the wheels follow [s].
+        limits: of the wheels, to notice that somebody else turns them; None where they are not known.
     """
-    await run_bases(bus, {name: wheels}, clock)
+    await run_bases(bus, {name: wheels}, clock, dead_man, {name: limits} if limits is not None else {})
 
 
 async def run_base_process(scenario: Scenario, name: str) -> None:
@@ -110,7 +136,8 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
         name: the robot's name.
 
     Raises:
-        NotConnected: no router answered.
+        NotConnected: no router answered, and the robot has no link to its agent.
+        TransportError: the endpoint of that link is taken.
         ConfigError: the settings have no such robot, or name unknown wheels.
     """
     if name not in scenario.robot:
@@ -118,8 +145,8 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
     check_base(scenario, name, scenario.name)
     robot = scenario.robot[name]
     make_wheels = find(robot.base)
-    async with open_bus(scenario.bus, Role.BASE) as bus:
+    async with open_bus(with_local_link(scenario.bus, robot.base_link, "base"), Role.BASE) as bus:
         wheels = make_wheels(robot, bus.clock)
         bus.announce(Role.BASE, name)
         ready("base", name)
-        await run_base(bus, name, wheels, bus.clock)
+        await run_base(bus, name, wheels, bus.clock, scenario.timeouts.command, robot.wheels)

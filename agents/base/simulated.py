@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import logging
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 from agents.base.wheels import WheelReading
-from muro_zenoh.config import RobotSettings
+from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.elementwise import Array
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.simulation.starts import starts_of
+
+log = logging.getLogger(__name__)
 
 STEP = 0.01
 """Step of the plant [s]."""
@@ -17,30 +24,49 @@ _MAX_CATCH_UP = 0.5
 """Simulated time beyond this is skipped [s], so that robots do not drive on blindly after the process was suspended."""
 
 
+class Look(NamedTuple):
+    """All robots at one moment: ``stamp`` [s since 1970], how long ago that is (``behind`` [s]), and their true
+    ``poses``: (N, 3), x, y [m, world], theta [rad], with the ``twists`` (N, 2), v [m/s], omega [rad/s]."""
+
+    stamp: float
+    behind: float
+    poses: Array
+    twists: Array
+
+
 class Floor:
     """A plant that follows a clock: every access first advances it to now.
 
     Args:
         plant: the robots.
         clock: the clock to follow.
+        watchdog: a command is driven for this time after it was given, as wheels do that have a watchdog of their own
+            [s]. Their base gives it up earlier; but one that was frozen catches up before it looks at the time.
 
     Attributes:
         commands: (N, 2), the current commands: v [m/s], omega [rad/s].
         lost: skipped time, because this process was suspended [s].
     """
 
-    def __init__(self, plant: Plant, clock: Clock) -> None:
+    def __init__(self, plant: Plant, clock: Clock, watchdog: float = math.inf) -> None:
         self.commands: Array = np.zeros((len(plant), 2))
         self.lost = 0.0
         self._plant = plant
         self._clock = clock
         self._time = clock.now()
+        self._watchdog = watchdog
+        self._given = np.full(len(plant), -math.inf)
         self._readings: list[WheelReading] = []  # cached until the plant moves
 
     @property
     def plant(self) -> Plant:
         """The robots at the last :meth:`catch_up`."""
         return self._plant
+
+    @property
+    def now(self) -> float:
+        """The time by the floor's clock [s since 1970]."""
+        return self._clock.now()
 
     @property
     def behind(self) -> float:
@@ -57,10 +83,31 @@ class Floor:
             self._time += behind - _MAX_CATCH_UP
             behind = _MAX_CATCH_UP
         for _ in range(int(behind / STEP)):
-            self._plant.step(self.commands, STEP)
+            self.commands[self._time - self._given > self._watchdog] = 0.0
+            self._step()
             self._time += STEP
         self._readings = []
         return self._time
+
+    def look(self) -> Look:
+        """All robots now."""
+        return Look(self.catch_up(), self.behind, self._plant.pose.copy(), self._plant.twist)
+
+    def command(self, row: int, v: float, omega: float) -> None:
+        """Turn a robot's wheels from now on.
+
+        Args:
+            row: the robot's row.
+            v: forward speed of a nominal robot [m/s].
+            omega: its turning speed [rad/s].
+        """
+        self.catch_up()  # the old command applied until now
+        self.commands[row] = v, omega
+        self._given[row] = self._clock.now()
+
+    def _step(self) -> None:
+        """Advance the plant by one step."""
+        self._plant.step(self.commands, STEP)
 
     def reading(self, row: int) -> WheelReading:
         """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edges.
@@ -82,20 +129,56 @@ class SimulatedWheels:
     Args:
         floor: the floor.
         row: this robot's row.
+        name: the robot's, for the log.
     """
 
-    def __init__(self, floor: Floor, row: int) -> None:
+    def __init__(self, floor: Floor, row: int, name: str = "") -> None:
         self._floor = floor
         self._row = row
+        self._name = name
+        self._commanded = False
 
     def command(self, v: float, omega: float) -> None:
         """Turn the wheels so that a nominal robot would drive at ``v`` [m/s] and ``omega`` [rad/s]."""
-        self._floor.catch_up()  # the old command applied until now
-        self._floor.commands[self._row] = v, omega
+        self._floor.command(self._row, v, omega)
+        commanded = (v, omega) != (0.0, 0.0)
+        if commanded != self._commanded:
+            self._commanded = commanded
+            # The only witness of when wheels stop that no fault of the network silences: benchmarks/stopping.py reads
+            # it.
+            log.debug(
+                "%s: wheels commanded to %s at %.3f", self._name, "turn" if commanded else "stop", self._floor.now
+            )
 
     def read(self) -> WheelReading:
         """What the encoders of nominal wheels report."""
         return self._floor.reading(self._row)
+
+
+def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: bool = True) -> Plant:
+    """The robots of a scenario, at its starts, or anywhere in its arena.
+
+    Args:
+        scenario: the settings.
+        rng: draws the starts, the hidden drive errors and the slip.
+        count_contacts: whether the plant counts them.
+
+    Raises:
+        PlanningError: the robots do not fit into the arena.
+    """
+    robots = list(scenario.robot.values())
+    radii = np.array([robot.radius for robot in robots])
+    apart = scenario.separation
+    margin = max(apart.margin, apart.wall_margin)
+    return Plant(
+        starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii, margin),
+        rng,
+        limits=[robot.wheels for robot in robots],
+        radius=radii,
+        drive_error=scenario.simulation.drive_error,
+        slip=scenario.simulation.slip,
+        count_contacts=count_contacts,
+    )
 
 
 def make_wheels(robot: RobotSettings, clock: Clock) -> SimulatedWheels:

@@ -6,10 +6,12 @@ import asyncio
 import math
 from typing import Any, Final, TypeVar
 
-from agents.control_loop import ControlLoop, Outgoing, Surroundings
+from agents.control_loop import ControlLoop, Surroundings
+from agents.outgoing import Outgoing
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
+from muro_zenoh.config import TIMEOUTS, Timeouts
 from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.messages import FleetSnapshot, Message, PoseFix, SpeedReference
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
@@ -47,14 +49,20 @@ class Sender:
 
 
 class Listener:
-    """Receives what the running behaviour needs, and nothing else.
+    """Receives what the running behaviour needs, what the control loop always needs, and nothing else.
 
     Args:
         bus: the bus.
         name: the robot's name.
+        timeouts: how old the positions of all robots may be.
+        always: what is received whatever the behaviour needs.
     """
 
-    def __init__(self, bus: Bus, name: str) -> None:
+    def __init__(
+        self, bus: Bus, name: str, timeouts: Timeouts = TIMEOUTS, always: frozenset[Need] = frozenset()
+    ) -> None:
+        self._always = always
+        self._snapshot_timeout = timeouts.snapshot
         self._bus = bus
         self._name = name
         self._circle: Latest[CircleMessage] | None = None
@@ -67,6 +75,7 @@ class Listener:
         Args:
             needs: needs of the behaviour that starts.
         """
+        needs |= self._always
         if self._speed is not None:  # a speed for the previous behaviour is not one for this behaviour
             self._speed.close()
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
@@ -88,7 +97,7 @@ class Listener:
         """
         circle = self._circle.get() if self._circle is not None else None
         speed, speed_age = _fresh(self._speed, now, channels.VELOCITY.stale_after)
-        snapshot, snapshot_age = _fresh(self._snapshot, now, channels.ALL_POSITIONS.stale_after)
+        snapshot, snapshot_age = _fresh(self._snapshot, now, self._snapshot_timeout)
         return Surroundings(
             circle.message.circle if circle is not None else None,
             speed.message.speed if speed is not None else None,

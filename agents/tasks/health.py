@@ -43,8 +43,8 @@ async def report_health(
         if now - since > 0.5 * _PERIOD:
             rate = (loop.commands - commands) / (now - since)
             commands, since = loop.commands, now
-        samples = {"pose_age_s": tuple(loop.pose_ages), "pose_to_command_s": tuple(signals.latencies)}
-        loop.pose_ages.clear()
+        samples = {"pose_age_s": tuple(loop.tracking.pose_ages), "pose_to_command_s": tuple(signals.latencies)}
+        loop.tracking.pose_ages.clear()
         signals.latencies.clear()
         loop.changed = False
         waiting.note(now, loop.reasons)
@@ -53,11 +53,13 @@ async def report_health(
                 role="agent",
                 state=_state(loop, runner),
                 reasons=loop.reasons,
+                note=loop.drive.take_note(),
                 numbers={
-                    "fixes": loop.fixes,
+                    "fixes": loop.tracking.fixes,
                     "commands": loop.commands,
                     "command_rate_hz": round(rate, 1),
-                    **{f"refused_{what.replace(' ', '_')}": count for what, count in loop.refused.items()},
+                    **{f"refused_{what.replace(' ', '_')}": count for what, count in loop.tracking.refused.items()},
+                    **{f"separated_{why.replace(' ', '_')}": count for why, count in loop.drive.changes.items()},
                     **bus.numbers(),
                 },
                 samples=samples,

@@ -27,7 +27,8 @@ async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signa
         signals: wakes the health report.
     """
     async for order in bus.every(channels.STOP, depth=16):
-        sender.send(loop.take_stop(bus.clock.now(), order.message))
+        now = bus.clock.now()
+        sender.send(loop.take_stop(now, order.message, order.age(now)))
         if loop.changed:
             signals.changed.set()
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from basestation.fleet.doubts import Doubts
 from muro_zenoh import channels
+from muro_zenoh.config import TIMEOUTS
 from muro_zenoh.geometry import Pose2, wrap_to_pi
 from muro_zenoh.messages import RobotState, RobotStatus
 
-STALE_AFTER = channels.POSE.stale_after
-"""A robot not seen for longer than this is ``stale`` [s] ..."""
+STALE_AFTER = TIMEOUTS.pose
+"""A robot not seen for longer than this is ``stale``, unless the settings have another [s]; then it stands still ..."""
 
 LOST_AFTER = 2.0
 """... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
@@ -41,11 +43,16 @@ class FleetTable:
     """Where every robot was last seen. Times are of one local clock [s].
 
     Place and age come from the newest fix; the agent's estimate adds v and omega, and only while it agrees with it.
+
+    Args:
+        stale_after: a robot not seen for longer than this is ``stale`` [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stale_after: float = STALE_AFTER) -> None:
+        self._stale_after = stale_after
         self._rows: dict[str, _Row] = {}
         self._motions: dict[str, Motion] = {}
+        self._doubts = Doubts()
 
     def fix(self, name: str, pose: Pose2, captured: float) -> None:
         """Take what a camera saw.
@@ -58,6 +65,7 @@ class FleetTable:
         row = self._rows.get(name)
         if row is None or captured >= row.captured:
             self._rows[name] = _Row(pose, captured)
+            self._doubts.saw(name, pose, captured)
 
     def estimate(self, name: str, motion: Motion) -> None:
         """Take a robot's own estimate.
@@ -67,6 +75,7 @@ class FleetTable:
             motion: the estimate.
         """
         self._motions[name] = motion
+        self._doubts.said(name, motion.v, motion.omega, motion.arrival)
 
     def clear(self, name: str) -> bool:
         """Forget where a robot was last seen.
@@ -78,6 +87,7 @@ class FleetTable:
             Whether it was known.
         """
         self._motions.pop(name, None)
+        self._doubts.forget(name)
         return self._rows.pop(name, None) is not None
 
     def knows(self, name: str) -> bool:
@@ -87,6 +97,25 @@ class FleetTable:
             name: of the robot.
         """
         return name in self._rows
+
+    def doubts(self, now: float) -> dict[str, str]:
+        """The robots that are seen, but not where and not moving as they say; each with what is wrong, in words.
+
+        Args:
+            now: the time to which ages are counted [s].
+        """
+        found = {}
+        for name, row in self._rows.items():
+            motion = self._motions.get(name)
+            if motion is None or now - max(motion.arrival, row.captured) > channels.ESTIMATE.stale_after:
+                continue
+            if not _agree(row, motion):
+                apart = math.hypot(motion.pose.x - row.pose.x, motion.pose.y - row.pose.y)
+                turned = math.degrees(abs(wrap_to_pi(motion.pose.theta - row.pose.theta)))
+                found[name] = f"{name} is not where it says ({apart:.2f} m and {turned:.0f} degrees off)"
+            elif doubt := self._doubts.of(name):
+                found[name] = doubt
+        return found
 
     def snapshot(self, now: float) -> tuple[RobotState, ...]:
         """All robots that were ever seen, by name.
@@ -106,7 +135,7 @@ class FleetTable:
                 v, omega = motion.v, motion.omega
             else:
                 state = "disagrees"
-        if age > STALE_AFTER:
+        if age > self._stale_after:
             state = "lost" if age > LOST_AFTER else "stale"
             v = omega = 0.0
         return RobotState(name, row.pose.x, row.pose.y, row.pose.theta, v, omega, age, state)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import math
 
+from basestation.tasks.bases import BasesTask
 from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.positions import PositionsTask
 from muro_zenoh import channels
@@ -34,6 +36,7 @@ class HealthTask:
         bus: the bus.
         kept: the kept state's task.
         positions: the fleet's table.
+        bases: what the robots' bases say of their wheels.
         robots: the names of the robots.
         cameras: the names of the cameras in the settings.
     """
@@ -43,12 +46,14 @@ class HealthTask:
         bus: Bus,
         kept: KeptStateTask,
         positions: PositionsTask,
+        bases: BasesTask,
         robots: tuple[str, ...],
         cameras: tuple[str, ...],
     ) -> None:
         self._bus = bus
         self._kept = kept
         self._positions = positions
+        self._bases = bases
         self._robots = robots
         self._cameras = cameras
         self._own = bus.publisher(channels.HEALTH, "basestation")
@@ -57,7 +62,7 @@ class HealthTask:
         self._other_seen = -math.inf
 
     async def report(self) -> None:
-        """Publish the health once a second."""
+        """Publish the health once a second, and at once when a robot is not what it says."""
         positions = self._positions
         waiting = WaitingLog(log, "waiting", "nothing is missing now")
         while True:
@@ -72,7 +77,10 @@ class HealthTask:
             }
             state = _RUNNING if self._kept.adopted else "starting"
             self._own.put(Health(role=Role.BASESTATION, state=state, reasons=reasons, numbers=numbers))
-            await asyncio.sleep(_PERIOD)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_PERIOD):
+                    await positions.doubted.wait()
+            positions.doubted.clear()
 
     def _reasons(self) -> tuple[str, ...]:
         now, reasons = self._bus.clock.now(), []
@@ -83,7 +91,9 @@ class HealthTask:
         reasons += self._missing_sightings(now)
         for complaints in self._positions.complaints.values():
             reasons += complaints
-        reasons += self._positions.doubts()
+        reasons += self._positions.unbelieved()
+        reasons += self._positions.doubts.values()
+        reasons += self._bases.reasons.values()
         return tuple(reasons)
 
     def _missing_sightings(self, now: float) -> list[str]:

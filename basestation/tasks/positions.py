@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Iterable
 from dataclasses import replace
 
-from basestation.fleet.table import FleetTable, Motion
+from basestation.fleet.table import STALE_AFTER, FleetTable, Motion
 from basestation.localization.fusion import Fusion
 from basestation.localization.sightings import Sightings, SightingSource
 from muro_zenoh import channels
@@ -27,6 +27,7 @@ class PositionsTask:
         bus: the bus.
         robots: the names of the robots.
         fusion: makes fixes of what the cameras see.
+        stale_after: a robot not seen for longer than this is ``stale`` [s].
 
     Attributes:
         frames: number of frames that arrived in time, good or bad.
@@ -34,16 +35,20 @@ class PositionsTask:
         stale_frames: number of frames that arrived too late.
         received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
         complaints: problems in the newest frame of each camera, by the camera's name.
+        doubts: the robots that are not what they say, each with what is wrong, in words.
+        doubted: set when another robot is doubted, for the health report.
     """
 
-    def __init__(self, bus: Bus, robots: Iterable[str], fusion: Fusion) -> None:
+    def __init__(self, bus: Bus, robots: Iterable[str], fusion: Fusion, stale_after: float = STALE_AFTER) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
         self.received_at: dict[str, float] = {}
         self.complaints: dict[str, tuple[str, ...]] = {}
+        self.doubts: dict[str, str] = {}
+        self.doubted = asyncio.Event()
         self._clock = bus.clock
-        self._table = FleetTable()
+        self._table = FleetTable(stale_after)
         self._fusion = fusion
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
@@ -81,7 +86,7 @@ class PositionsTask:
         """Number of sightings that were not believed."""
         return self._fusion.disbelieved
 
-    def doubts(self) -> list[str]:
+    def unbelieved(self) -> list[str]:
         """What was seen lately and not believed, and the cameras that were moved."""
         now = self._clock.now()
         lately = [text for text, captured in self._fusion.doubts.values() if now - captured < _DOUBTED]
@@ -135,3 +140,6 @@ class PositionsTask:
             self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.arrival - estimate.delay))
         now = self._published = self._clock.now()
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
+        before, self.doubts = self.doubts, self._table.doubts(now)
+        if self.doubts.keys() - before.keys():
+            self.doubted.set()

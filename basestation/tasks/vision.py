@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Executor
+from functools import partial
 from typing import NamedTuple
 
 from basestation.localization.frames import decode_frame
@@ -26,17 +27,20 @@ class CameraOnBus:
 
     Args:
         bus: the bus.
-        localizer: locates the robots in its frames; not shared with other cameras.
+        name: the camera's name.
+        locate: finds the robots in one of its frames, or raises a MessageError; called in the executor.
         latency: minimum time from the capture of a frame to its arrival here [s].
         executor: decodes and searches the frames, one at a time.
     """
 
-    def __init__(self, bus: Bus, localizer: Localizer, latency: float, executor: Executor) -> None:
+    def __init__(
+        self, bus: Bus, name: str, locate: Callable[[Frame], Found], latency: float, executor: Executor
+    ) -> None:
         self._bus = bus
-        self._localizer = localizer
+        self._name = name
+        self._locate_in = locate
         self._latency = latency
         self._executor = executor
-        self._name = localizer.camera
         self._last_picture = b""
         self._failing = False
 
@@ -67,19 +71,25 @@ class CameraOnBus:
         self._failing = False
         return Sightings(camera=self._name, captured=captured, robots=found.robots, complaints=found.complaints)
 
-    def _locate(self, frame: Frame) -> _Found:
+    def _locate(self, frame: Frame) -> Found:
         """In the executor."""
         if frame.data == self._last_picture:
             # No sensor gives the same bytes twice: the stamp is new, but the poses are not.
             raise MessageError("got the same picture as before, expected a new one: is the camera stuck?")
         self._last_picture = frame.data
-        robots = self._localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
-        return _Found(tuple(robots), self._localizer.complaints)
+        return self._locate_in(frame)
 
 
-class _Found(NamedTuple):
+class Found(NamedTuple):
+    """What a frame shows: the ``robots``, and ``complaints`` about the tags in it, for the operator."""
+
     robots: tuple[Sighting, ...]
     complaints: tuple[str, ...]
+
+
+def _locate_tags(localizer: Localizer, frame: Frame) -> Found:
+    robots = localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
+    return Found(tuple(robots), localizer.complaints)
 
 
 def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[SightingSource]:
@@ -94,6 +104,6 @@ def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[Sig
         ConfigError: a camera's points do not determine a homography, or its family of tags is unknown.
     """
     return [
-        CameraOnBus(bus, make_localizer(scenario, name), camera.latency, executor)
+        CameraOnBus(bus, name, partial(_locate_tags, make_localizer(scenario, name)), camera.latency, executor)
         for name, camera in scenario.camera.items()
     ]

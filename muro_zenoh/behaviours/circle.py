@@ -87,14 +87,38 @@ def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
     Raises:
         ParameterError: the circle is too large for its centre.
     """
-    body = max(vehicle.radius for vehicle in fleet)
+    body = max(vehicle.wall_distance for vehicle in fleet)
     arena = fleet[0].arena
     edge = min(circle.x - arena.x_min, arena.x_max - circle.x, circle.y - arena.y_min, arena.y_max - circle.y)
     if circle.radius > edge - body:
         raise ParameterError(
             "circle.radius",
             got=f"{circle.radius:g} m around ({circle.x:g}, {circle.y:g})",
-            expected=f"at most {max(edge - body, 0.0):g} m, so that robots of {body:g} m radius stay inside the arena",
+            expected=f"at most {max(edge - body, 0.0):.4g} m, so that robots stay inside the arena, "
+            f"{body:g} m from its walls",
+        )
+
+
+def require_spacing(circle: Circle, fleet: Sequence[Vehicle]) -> None:
+    """Refuse a circle on which robots do not fit beside each other at the distance that they keep.
+
+    Args:
+        circle: the circle.
+        fleet: the robots on it.
+
+    Raises:
+        ParameterError: the circle is too small for so many robots.
+    """
+    count, apart = len(fleet), max(2.0 * vehicle.radius + vehicle.margin for vehicle in fleet)
+    chord = 2.0 * circle.radius * math.sin(math.pi / count) if count > 1 else math.inf
+    if chord < apart - 1e-9:
+        most = int(math.pi / math.asin(min(1.0, 0.5 * apart / circle.radius)))
+        raise ParameterError(
+            "circle.radius",
+            got=f"{count} robots on a circle of {circle.radius:g} m, {chord:.3f} m apart",
+            expected=f"at least {apart:g} m between their centres",
+            hint=f"At most {most} robots fit on it; {count} robots need a radius of "
+            f"{math.ceil(50.0 * apart / math.sin(math.pi / count)) / 100.0:.2f} m.",
         )
 
 
@@ -107,9 +131,10 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena.
+        ParameterError: they would leave the arena, or be too close on it.
     """
     require_room(circle, fleet)
+    require_spacing(circle, fleet)
 
 
 BEHAVIOUR = BehaviourKind(

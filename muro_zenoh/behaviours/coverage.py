@@ -96,7 +96,7 @@ class Coverage(Behaviour):
         self._vehicle = vehicle
         self._parameters = parameters
         self._density = parameters.density()
-        self._inside = vehicle.arena.shrunk(vehicle.radius)
+        self._inside = vehicle.arena.shrunk(vehicle.wall_distance)
         self._ride = GoalRide(parameters.ride.settings(vehicle), Itinerary(), "waiting for the other robots")
         self._epoch = -1
         self._stamp = self._shown_at = -math.inf

@@ -57,7 +57,9 @@ class RideParameters:
             omega_max=min(self.profile.omega_max, 0.8 * vehicle.omega_max),
             reaction=max(self.profile.reaction, vehicle.lag),
         )
-        return RideSettings(profile, self.gains, self.turning_radius, vehicle.arena, vehicle.radius, self.replan_beyond)
+        return RideSettings(
+            profile, self.gains, self.turning_radius, vehicle.arena, vehicle.wall_distance, self.replan_beyond
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +100,7 @@ class GoalList:
         """
         for vehicle in fleet:
             for index, (x, y, *_) in enumerate(self.goals):
-                require_inside(f"goals[{index}]", x, y, vehicle.arena, vehicle.radius)
+                require_inside(f"goals[{index}]", x, y, vehicle.arena, vehicle.wall_distance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +189,10 @@ class GoalRide(Behaviour):
         if move.state == "arrived":
             return self._arrive(seen.now)
         return Intent(
-            move.twist, path=planned.path if planned is not None else None, path_has_heading=goal.theta is not None
+            move.twist,
+            path=planned.path if planned is not None else None,
+            path_has_heading=goal.theta is not None,
+            target=(goal.x, goal.y),
         )
 
     def _arrive(self, now: float) -> Intent:

@@ -28,7 +28,8 @@ class Vehicle(NamedTuple):
     """The robot that runs a behaviour.
 
     ``name``; ``radius`` of its body [m]; ``v_max`` [m/s] and ``omega_max`` [rad/s], its limits; ``lag``: time constant
-    of its wheels [s]; ``arena``: the floor that it may use.
+    of its wheels [s]; ``arena``: the floor that it may use; ``margin`` and ``wall_margin``: free floor that the
+    separation filter keeps between two bodies, and between a body and a wall [m].
     """
 
     name: str
@@ -37,6 +38,13 @@ class Vehicle(NamedTuple):
     omega_max: float
     lag: float
     arena: Bounds
+    margin: float = 0.0
+    wall_margin: float = 0.0
+
+    @property
+    def wall_distance(self) -> float:
+        """The distance that its centre keeps from a wall [m]."""
+        return self.radius + self.wall_margin
 
 
 class RobotSeen(Protocol):
@@ -144,6 +152,8 @@ class Intent(NamedTuple):
         path: a path planned in this step, for display.
         path_has_heading: whether the goal of that path specified the heading at its end.
         cell: a cell for display.
+        target: the position that the robot is driving to, x, y [m, world]; None when there is none. A robot that has
+            to get out of another's way takes a way round to it.
     """
 
     twist: Twist2 | None
@@ -152,6 +162,7 @@ class Intent(NamedTuple):
     path: Path | None = None
     path_has_heading: bool = False
     cell: ShownCell | None = None
+    target: tuple[float, float] | None = None
 
 
 def hold(reason: str) -> Intent:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import ClassVar
 
-from muro_zenoh.behaviours.circle import require_room
+from muro_zenoh.behaviours.circle import require_room, require_spacing
 from muro_zenoh.behaviours.entry_points import load_function
 from muro_zenoh.behaviours.interface import (
     Behaviour,
@@ -24,7 +24,6 @@ from muro_zenoh.behaviours.interface import (
 from muro_zenoh.control.circle import CircleLaw, LqrGains, PassivityGains, VectorFieldGains, circle_twist
 from muro_zenoh.control.pursuit import Normalised, Proportional, PursuitLaw, TwoGap, Weighted, pursue
 from muro_zenoh.control.ring import RingRobot
-from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import Circle
 
 _STATIONARY_AFTER = 1.0
@@ -165,23 +164,12 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena, or touch when evenly spread; or as for the speed law.
+        ParameterError: they would leave the arena, or be too close when evenly spread; or as for the speed law.
     """
     if not (isinstance(parameters.pursuit, ByImportance) and parameters.pursuit.importance):
         parameters.pursuit_law()
     require_room(circle, fleet)
-    count = len(fleet)
-    body = max(vehicle.radius for vehicle in fleet)
-    chord = 2.0 * circle.radius * math.sin(math.pi / count) if count > 1 else math.inf
-    if chord < 2.0 * body:
-        most = int(math.pi / math.asin(min(1.0, body / circle.radius)))
-        raise ParameterError(
-            "circle.radius",
-            got=f"{count} robots on a circle of {circle.radius:g} m, {chord:.3f} m apart",
-            expected=f"at least {2 * body:g} m between their centres",
-            hint=f"At most {most} robots fit on it; {count} robots need a radius of "
-            f"{math.ceil(100.0 * body / math.sin(math.pi / count)) / 100.0:.2f} m.",
-        )
+    require_spacing(circle, fleet)
 
 
 def expects(parameters: Parameters, vehicle: Vehicle) -> Expectation:

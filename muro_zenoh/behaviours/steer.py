@@ -51,7 +51,7 @@ class Steering(Behaviour):
             Why the goal is refused; empty when it is accepted.
         """
         try:
-            require_inside("goal", goal.x, goal.y, self._vehicle.arena, self._vehicle.radius)
+            require_inside("goal", goal.x, goal.y, self._vehicle.arena, self._vehicle.wall_distance)
         except ParameterError as error:
             return str(error)
         self._itinerary.replace(goal)
@@ -71,7 +71,7 @@ class Steering(Behaviour):
         if twist == STILL:
             self._itinerary.arrive(seen.now)
             return hold(self._itinerary.waiting)
-        return Intent(twist)
+        return Intent(twist, target=(goal.x, goal.y))
 
 
 def make(parameters: Parameters, vehicle: Vehicle) -> Steering:

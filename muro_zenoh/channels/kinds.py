@@ -71,7 +71,8 @@ class Channel(Generic[M_co]):
         delivery: what a reader gets.
         rate: how often each key is written [Hz]; None for events.
         pacing: when it is written, where that is more than a fixed rate.
-        stale_after: age above which its value must not be used [s]; infinite where age does not matter.
+        stale_after: age above which its value must not be used [s]; infinite where age does not matter. A fleet file
+            may set others for what robots drive by: :class:`~muro_zenoh.config.Timeouts`.
         priority: its priority.
         named: what the third word of the key names; empty when the channel has one key only.
         ros: the topic it replaces.
@@ -108,6 +109,7 @@ class Verb(Generic[M_co]):
         answered_by: the role that takes it.
         asked_by: the role that may give it.
         ros: the topic it replaces.
+        at_any_age: whether it is carried out even when it may be left over from a pause of the process that takes it.
     """
 
     word: str
@@ -116,3 +118,4 @@ class Verb(Generic[M_co]):
     answered_by: Role = Role.BASESTATION
     asked_by: Role = Role.OPERATOR
     ros: str = ""
+    at_any_age: bool = False

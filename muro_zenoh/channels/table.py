@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from muro_zenoh import messages as m
 from muro_zenoh.channels.kinds import Channel, Party, Priority, Role, Verb
+from muro_zenoh.config import TIMEOUTS
 
 CONTROL: Final = Party(Role.AGENT, "control")
 VISION: Final = Party(Role.BASESTATION, "vision")
@@ -37,7 +38,7 @@ POSE = Channel(
     delivery="every",
     rate=20.0,
     pacing="each frame that shows the robot",
-    stale_after=0.4,
+    stale_after=TIMEOUTS.pose,
     priority=Priority.HIGH,
     ros="amcl_pose",
 )
@@ -80,7 +81,7 @@ ALL_POSITIONS = Channel(
     delivery="newest",
     rate=20.0,
     pacing="each fused frame, 5 Hz at least",
-    stale_after=0.5,
+    stale_after=TIMEOUTS.snapshot,
     priority=Priority.HIGH,
     named="",
     ros="/all_positions",
@@ -105,7 +106,7 @@ CMD_VEL = Channel(
     delivery="newest",
     rate=20.0,
     pacing="each estimate; repeated when there is none",
-    stale_after=0.3,
+    stale_after=TIMEOUTS.command,
     priority=Priority.REAL_TIME,
     ros="mobile_base/commands/velocity",
     note="when the last one is stale, the base's dead-man zeroes the wheels",
@@ -163,10 +164,11 @@ BASE = Channel(
     word="base",
     kind=m.BaseState,
     writers=(Party(Role.BASE),),
-    readers=(OPERATOR,),
+    readers=(Party(Role.BASESTATION, "bases"), OPERATOR),
     delivery="newest",
     rate=2.0,
     pacing="and on change",
+    stale_after=1.5,
 )
 HEALTH = Channel(
     word="health",
@@ -200,15 +202,15 @@ TRUTH = Channel(
     word="truth",
     kind=m.Truth,
     writers=(Party(Role.SIMULATOR),),
-    readers=(OPERATOR,),
+    readers=(OPERATOR, Party(Role.CAMERA)),
     delivery="newest",
     rate=20.0,
-    note="for score sheets only; no task may read it",
+    note="for score sheets, and for simulated cameras in processes of their own; no other task may read it",
 )
 
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
-STOP_ORDER = Verb("stop", m.Stop)
+STOP_ORDER = Verb("stop", m.Stop, at_any_age=True)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")

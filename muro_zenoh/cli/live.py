@@ -29,7 +29,7 @@ def line_of(view: View) -> str:
         f"{view.t:6.1f} s  driving {view.driving}/{len(view.rows)}  "
         f"radius error {_number(view.radius_error, '.3f', ' m')}  "
         f"spacing error {_number(view.spacing_error, '.3f', ' rad')}  "
-        f"pose age {_number(max(ages, default=None), '.0f', ' ms', 1e3)}  restarts {view.restarts}"
+        f"pose age {_number(max(ages, default=None), '.0f', ' ms', 1e3)}  restarts {view.restarts}{_faults(view)}"
         + "".join(f"  {' '.join(names)}: {reason}" for reason, names in reasons.items())
     )
 
@@ -100,7 +100,7 @@ def table_of(view: View) -> Any:
     table = Table(
         title=f"{view.t:.0f} of {view.duration:g} s   "
         f"radius error {_number(view.radius_error, '.3f', ' m')}   "
-        f"spacing error {_number(view.spacing_error, '.3f', ' rad')}   restarts {view.restarts}",
+        f"spacing error {_number(view.spacing_error, '.3f', ' rad')}   restarts {view.restarts}{_faults(view)}",
         title_justify="left",
     )
     table.add_column("robot")
@@ -118,9 +118,13 @@ def table_of(view: View) -> Any:
             _number(row.command_rate, ".1f"),
             _number(row.calibrated.cal0, ".3f"),
             _number(row.calibrated.calD, ".3f"),
-            row.reasons,
+            row.reasons or row.note,
         )
     return table
+
+
+def _faults(view: View) -> str:
+    return f"  faults: {', '.join(view.faults)}" if view.faults else ""
 
 
 def _number(value: float | None, form: str, unit: str = "", scale: float = 1.0) -> str:

@@ -113,13 +113,19 @@ def camera(file: str, name: str, device: str | None, recording: Path | None, qua
 @click.option(
     "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of starts, drive errors and noise."
 )
+@click.option("--bases", is_flag=True, help="Only the wheels: each camera is then a process of its own, --camera.")
+@click.option("--camera", metavar="NAME", help="Only this camera, beside a simulator with --bases.")
 @bus_options
-def sim(file: str, seed: int, bus: BusFlags) -> None:
+def sim(file: str, seed: int, bases: bool, camera: str | None, bus: BusFlags) -> None:
     """Run the simulator of a fleet or scenario FILE: the wheels of all robots, and the cameras."""
+    if bases and camera is not None:
+        raise click.UsageError("--bases and --camera: got both, expected one of them: two processes, one for each")
     scenario = _scenario(file, bus)
-    from agents.simulator import run_simulator
+    from agents.simulator import run_camera, run_simulator
 
-    _run(lambda: run_simulator(scenario, seed), "simulator")
+    if camera is not None:
+        _run(lambda: run_camera(scenario, camera, seed), f"camera-{camera}")
+    _run(lambda: run_simulator(scenario, seed, cameras=not bases), "simulator")
 
 
 @click.command(

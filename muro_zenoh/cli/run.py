@@ -74,6 +74,7 @@ def run(
     from muro_zenoh.cli.summary import summary
     from muro_zenoh.config import find_scenario
     from muro_zenoh.runtime.process import run_process
+    from muro_zenoh.supervision.fault_targets import check_faults
     from muro_zenoh.supervision.folder import REPORT, make_run_folder, write_report
     from muro_zenoh.supervision.preflight import check_can_run, check_own_packages
     from muro_zenoh.supervision.run import RunSettings, Screen, run_fleet
@@ -85,7 +86,9 @@ def run(
     if connect is not None:
         override_bus(None, {"connect": (connect,)})  # for its check of the endpoint
     check_own_packages()
-    check_can_run(resolved, Path(scenario).name if scenario.endswith(".toml") else f"{scenario}.toml")
+    file = Path(scenario).name if scenario.endswith(".toml") else f"{scenario}.toml"
+    check_can_run(resolved, file)
+    check_faults(resolved, file, connect)
     if report is not None and not os.access(report.parent, os.W_OK):
         raise ConfigError(
             "--report", got=f"{report}, whose folder cannot be written to", expected="a file that can be written"

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from itertools import combinations
+from typing import Final
+
 from muro_zenoh.config.behaviour import check_settings
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.reading import config_error
 from muro_zenoh.config.sections import HUNG, CameraSettings, Scenario
 from muro_zenoh.errors import ConfigError, ParameterError
 from muro_zenoh.planning.destination import require_inside
+
+POSE_PERIOD: Final = 0.05
+"""Time between two poses of a robot [s]."""
 
 
 def check_feasible(s: Scenario, origin: Origin) -> None:
@@ -24,11 +31,28 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
         raise ConfigError(origin.at("arena"), got=str(a), expected="x_min < x_max and y_min < y_max")
     _check_tags(s, origin)
+    _check_timeouts(s, origin)
     for name, camera in s.camera.items():
         _check_camera(f"camera.{name}", camera, origin)
+    _check_separation(s, origin)
     fleet = [s.vehicle(name) for name in s.robot]
     check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle)
     _check_goals(s, origin)
+    _check_starts(s, origin)
+    _check_orders(s, origin)
+
+
+def _check_timeouts(s: Scenario, origin: Origin) -> None:
+    for name, camera in s.camera.items():
+        # A pose must last until the next frame, and until the one after it when that is lost.
+        least = camera.latency + 2.0 / camera.rate
+        if s.timeouts.pose < least:
+            raise ConfigError(
+                origin.at("timeouts.pose"),
+                got=f"{s.timeouts.pose:g} [s]",
+                expected=f"at least {least:.3g}: the frames of camera {name} are {camera.latency:g} s old, "
+                f"{1.0 / camera.rate:.3g} s apart, and one may be lost",
+            )
 
 
 def _check_camera(key: str, camera: CameraSettings, origin: Origin) -> None:
@@ -81,6 +105,76 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
             continue  # a run may have fewer robots than the file has goals for
         for index, (x, y, *_) in enumerate(goals):
             try:
-                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.robot[name].radius)
+                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.vehicle(name).wall_distance)
             except ParameterError as error:
                 raise config_error(error, origin, "") from None
+    _check_last_goals(s, origin)
+
+
+def _check_last_goals(s: Scenario, origin: Origin) -> None:
+    """Each robot stays at its last goal: two of them must have room there."""
+    last = [(name, goals[-1]) for name, goals in s.goals.items() if goals and name in s.robot]
+    for (a, (ax, ay, *_)), (b, (bx, by, *_)) in combinations(last, 2):
+        one, other = s.vehicle(a), s.vehicle(b)
+        apart, least = math.hypot(ax - bx, ay - by), one.radius + other.radius + one.margin
+        if apart < least:
+            raise ConfigError(
+                origin.at(f"goals.{b}"),
+                got=f"a last goal {apart:.3f} m from that of {a}",
+                expected=f"at least {least:g} m between the centres of two robots",
+            )
+
+
+def _check_starts(s: Scenario, origin: Origin) -> None:
+    if not s.starts:
+        return
+    for name in s.robot:
+        if name not in s.starts:
+            raise ConfigError(origin.at("starts"), got=f"none of {name}", expected="those of all robots, or of none")
+        x, y, _ = s.starts[name]
+        try:
+            require_inside(f"starts.{name}", x, y, s.arena, s.robot[name].radius)
+        except ParameterError as error:
+            raise config_error(error, origin, "") from None
+    for one, other in combinations(s.robot, 2):
+        least = s.robot[one].radius + s.robot[other].radius
+        if (apart := math.dist(s.starts[one][:2], s.starts[other][:2])) < least:
+            raise ConfigError(
+                origin.at(f"starts.{other}"), got=f"{apart:.3f} m from {one}", expected=f"at least {least:g} m"
+            )
+
+
+def _check_orders(s: Scenario, origin: Origin) -> None:
+    for index, order in enumerate(s.orders):
+        where = f"order[{index}]"
+        for name in order.robots:
+            if name not in s.robot:
+                raise ConfigError(
+                    origin.at(f"{where}.robots"), got=repr(name), expected=f"some of {', '.join(s.robot)}"
+                )
+        if (order.kind == "behaviour") != bool(order.behaviour):
+            raise ConfigError(
+                origin.at(f"{where}.behaviour"),
+                got=repr(order.behaviour),
+                expected="the name of one" if order.kind == "behaviour" else f"none for a {order.kind}",
+            )
+        if order.behaviour:
+            fleet = [s.vehicle(name) for name in order.robots or s.robot]
+            check_settings(order.behaviour, order.parameters, origin, fleet, s.circle)
+
+
+def _check_separation(s: Scenario, origin: Origin) -> None:
+    """A command is certified for the time for which the wheels may follow it."""
+    least = s.timeouts.command + POSE_PERIOD
+    if s.separation.enabled and s.separation.hold < least - 1e-9:
+        raise ConfigError(
+            origin.at("separation.hold"),
+            got=f"{s.separation.hold:g} [s]",
+            expected=f"at least {least:g}: timeouts.command, and one period of {POSE_PERIOD:g} s",
+        )
+    if s.separation.enabled and s.separation.snapshot_limit != s.timeouts.snapshot:
+        raise ConfigError(
+            origin.at("separation.snapshot_limit"),
+            got=f"{s.separation.snapshot_limit:g} [s]",
+            expected=f"timeouts.snapshot, {s.timeouts.snapshot:g}: how old the positions may be is one limit",
+        )

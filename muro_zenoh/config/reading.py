@@ -118,6 +118,29 @@ def check_keys(table: Mapping[str, Any], known: tuple[str, ...], origin: Origin,
             )
 
 
+def check_choice(value: object, options: tuple[str, ...], origin: Origin, path: str) -> str:
+    """One of several names.
+
+    Args:
+        value: the value in the file; None when there is none.
+        options: the names.
+        origin: its origin, for errors.
+        path: its full key.
+
+    Raises:
+        ConfigError: none of them; the message lists them and suggests a similar one.
+    """
+    if isinstance(value, str) and value in options:
+        return value
+    close = difflib.get_close_matches(value, options, n=1) if isinstance(value, str) else []
+    raise ConfigError(
+        origin.at(path),
+        got="nothing" if value is None else show(value),
+        expected="one of " + ", ".join(map(repr, options)),
+        hint=f"Did you mean {close[0]!r}?" if close else "",
+    )
+
+
 class _Reader:
     """One table being read.
 
@@ -203,16 +226,8 @@ class _Reader:
             return field.lifted.get("")
         if field.name not in self._table:
             return type(default) if type(default) in field.lifted.values() else None
-        name = self._table[field.name]
-        if not isinstance(name, str) or name not in field.lifted:
-            close = difflib.get_close_matches(name, field.lifted, n=1) if isinstance(name, str) else []
-            raise ConfigError(
-                self._origin.at(_join(self._path, field.name)),
-                got=show(name),
-                expected=_options(field),
-                hint=f"Did you mean {close[0]!r}?" if close else "",
-            )
-        return field.lifted[name]
+        path = _join(self._path, field.name)
+        return field.lifted[check_choice(self._table[field.name], tuple(field.lifted), self._origin, path)]
 
     @staticmethod
     def _default(field: Field, default: Any) -> Any:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import msgspec
 
 from muro_zenoh.behaviours.table import DEFAULT
 from muro_zenoh.config.checks import Checks
 from muro_zenoh.config.descriptions import show
+from muro_zenoh.config.fault_rows import read_faults
 from muro_zenoh.config.feasibility import check_feasible
 from muro_zenoh.config.files import read_file
+from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.overrides import apply_overrides, numbered_robots
 from muro_zenoh.config.reading import check_keys, read_section, read_table, read_value
@@ -27,10 +29,15 @@ from muro_zenoh.config.sections import (
     RobotSettings,
     Scenario,
     Simulation,
+    StartRow,
 )
+from muro_zenoh.config.timeouts import TIMEOUTS
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
+from muro_zenoh.safety.separation import SeparationSettings
+
+T = TypeVar("T")
 
 PROCESSES: Final = ("muro", "router", "simulator", "basestation")
 """The names of the processes of a run that are not agents. An agent's is its robot's, so no robot has one of these."""
@@ -41,10 +48,26 @@ _SECTIONS: Final[dict[str, Any]] = {
     "bus": BusSettings(),
     "checks": Checks(),
     "simulation": Simulation(),
+    "timeouts": TIMEOUTS,
+    "separation": SeparationSettings(),
 }
 """The sections that are one value each, with their defaults."""
 
-_TOP = ("fleet", "description", "duration", "robots", "all", "robot", "camera", "behaviour", "goals", *_SECTIONS)
+_TOP = (
+    "fleet",
+    "description",
+    "duration",
+    "robots",
+    "all",
+    "robot",
+    "camera",
+    "behaviour",
+    "goals",
+    "starts",
+    "order",
+    "fault",
+    *_SECTIONS,
+)
 
 
 def load_scenario(
@@ -89,17 +112,24 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         _name(key, origin, f"camera.{key}"): _camera(value, origin, f"camera.{key}")
         for key, value in _table(table, "camera", origin).items()
     }
+    robot = _robots(table, origin, robots)
     scenario = Scenario(
         name=name,
         description=read_value(str, table.get("description", ""), origin, "description"),
         duration=read_value(Period, table.get("duration", 60.0), origin, "duration"),
-        robot=_robots(table, origin, robots),
+        robot=robot,
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", origin), origin),
         goals={
             _name(key, origin, f"goals.{key}"): read_value(tuple[GoalRow, ...], rows, origin, f"goals.{key}")
             for key, rows in _table(table, "goals", origin).items()
         },
+        starts={
+            _name(key, origin, f"starts.{key}"): read_value(StartRow, row, origin, f"starts.{key}")
+            for key, row in _table(table, "starts", origin).items()
+        },
+        orders=_rows(OrderRow, table, "order", origin),
+        faults=read_faults(table.get("fault", []), origin, robot, cameras),
         **sections,
     )
     check_feasible(scenario, origin)
@@ -117,6 +147,14 @@ def as_table(scenario: Scenario) -> dict[str, Any]:
 
 def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, Any]:
     return read_table(table.get(key, {}), origin, key)
+
+
+def _rows(kind: type[T], table: Mapping[str, Any], key: str, origin: Origin) -> tuple[T, ...]:
+    """The rows of ``[[key]]``."""
+    rows = table.get(key, ())
+    if not isinstance(rows, list | tuple):
+        raise ConfigError(origin.at(key), got=show(rows), expected=f"rows [[{key}]]")
+    return tuple(read_section(kind, row, origin, f"{key}[{index}]") for index, row in enumerate(rows))
 
 
 def _name(name: str, origin: Origin, path: str) -> str:
@@ -171,4 +209,6 @@ def _behaviour(table: Mapping[str, Any], origin: Origin) -> BehaviourSettings:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
     return value

@@ -9,7 +9,10 @@ from msgspec import Meta, field
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import BehaviourKind, Need, Vehicle
 from muro_zenoh.config.checks import Checks
+from muro_zenoh.config.faults import Fault
+from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.schema import Section
+from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View
 from muro_zenoh.messages import Name, Value
@@ -28,12 +31,15 @@ from muro_zenoh.quantities import (
     Speed,
     TurningRate,
 )
+from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
+StartRow = Annotated[tuple[Number, ...], Meta(min_length=3, max_length=3)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Distortion = Annotated[tuple[Number, ...], Meta(min_length=5, max_length=5)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
+LocalPoint = Annotated[str, Meta(pattern=r"^(tcp/(127(\.\d{1,3}){3}|localhost|\[::1\]):\d{1,5}|unixsock-stream/.+)$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
@@ -59,6 +65,9 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         brake: maximum deceleration [m/s^2].
         lag: time constant of the wheels' speed control [s]; laws are evaluated for this time ahead.
         base: driver of its wheels: the name of a file in ``agents/base``.
+        base_link: endpoint of its own machine where its base listens and its agent connects besides the router, so that
+            a stop reaches the wheels without router and network. Robots whose bases run on one machine need different
+            ones. Without it, and in `muro run`, whose bases are in the simulator, there is no such link.
     """
 
     tag: Count | None = None
@@ -76,11 +85,17 @@ class RobotSettings(Section, frozen=True, kw_only=True):
     brake: Acceleration = 1.0
     lag: Period = 0.1
     base: Name = "simulated"
+    base_link: LocalPoint | None = None
 
     @property
     def wheels(self) -> WheelLimits:
         """The lag and limits of its wheels, for filter, laws and plant."""
         return WheelLimits(lag=self.lag, a_max=self.a_max, alpha_max=self.alpha_max, brake=self.brake)
+
+    @property
+    def body(self) -> Body:
+        """Its size and limits, for the separation filter."""
+        return Body(self.radius, self.v_max, self.omega_max, self.a_max, self.alpha_max, self.brake, self.lag)
 
     @property
     def mount(self) -> TagMount:
@@ -257,8 +272,13 @@ class Scenario(Section, frozen=True, kw_only=True):
         bus: how to connect to the other processes.
         behaviour: the initial behaviour of every robot.
         goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
+        faults: what breaks during the run, from ``[[fault]]``.
         checks: the limits that the run must meet.
         simulation: the hidden properties of the simulation.
+        starts: poses ``[x, y, theta]`` [m, world; rad] of the simulated robots by name; empty for random ones.
+        orders: what an operator orders during a check, and when, from ``[[order]]``.
+        timeouts: how old what a robot drives by may be.
+        separation: how robots keep apart.
     """
 
     name: str
@@ -271,22 +291,29 @@ class Scenario(Section, frozen=True, kw_only=True):
     bus: BusSettings = BusSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
     goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = field(default=(), name="fault")
     checks: Checks = Checks()
     simulation: Simulation = Simulation()
+    starts: dict[Name, StartRow] = field(default_factory=dict)
+    orders: tuple[OrderRow, ...] = field(default=(), name="order")
+    timeouts: Timeouts = TIMEOUTS
+    separation: SeparationSettings = SeparationSettings()
 
-    def behaviour_of(self, name: str) -> BehaviourSettings:
-        """A robot's initial behaviour: the common one, with the robot's own goals among the parameters.
+    def behaviour_of(self, name: str, behaviour: BehaviourSettings | None = None) -> BehaviourSettings:
+        """A robot's behaviour: the common one, with the robot's own goals among the parameters.
 
         Args:
             name: of the robot.
+            behaviour: the common one; None for the initial one.
         """
+        common = behaviour or self.behaviour
         goals = self.goals.get(name)
-        if not goals or ":" in self.behaviour.name:  # a user's own is loaded where it runs
-            return self.behaviour
-        kind = table.find(self.behaviour.name)
+        if not goals or ":" in common.name:  # a user's own is loaded where it runs
+            return common
+        kind = table.find(common.name)
         if not isinstance(kind, BehaviourKind) or Need.GOALS not in kind.needs:
-            return self.behaviour
-        return BehaviourSettings(name=self.behaviour.name, parameters={**self.behaviour.parameters, "goals": goals})
+            return common
+        return BehaviourSettings(name=common.name, parameters={**common.parameters, "goals": goals})
 
     def vehicle(self, name: str) -> Vehicle:
         """A robot as input of its behaviour.
@@ -295,7 +322,20 @@ class Scenario(Section, frozen=True, kw_only=True):
             name: of the robot.
         """
         robot = self.robot[name]
-        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena)
+        apart = self.separation
+        margins = (apart.margin, apart.wall_margin) if apart.enabled else (0.0, 0.0)
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena, *margins)
+
+    def separation_of(self, name: str) -> Separation | None:
+        """A robot's separation filter; None where it is off.
+
+        Args:
+            name: of the robot.
+        """
+        if not self.separation.enabled:
+            return None
+        bodies = {each: robot.body for each, robot in self.robot.items()}
+        return Separation(name, bodies[name], bodies, self.arena, self.separation)
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated
 
 from msgspec import Meta, field
@@ -17,6 +18,10 @@ class Goal(Message, frozen=True, kw_only=True):
     x: float
     y: float
     theta: float | None = None
+
+
+_circle = lru_cache(maxsize=16)(geometry.Circle)
+"""Every agent asks at each fix, and the answer is checked only once."""
 
 
 class Circle(Message, frozen=True, kw_only=True):
@@ -41,7 +46,7 @@ class Circle(Message, frozen=True, kw_only=True):
     @property
     def circle(self) -> geometry.Circle:
         """The circle as the laws use it."""
-        return geometry.Circle(self.x, self.y, self.radius, self.clockwise)
+        return _circle(self.x, self.y, self.radius, self.clockwise)
 
 
 class Behaviour(Message, frozen=True, kw_only=True):
@@ -67,6 +72,8 @@ class Health(Message, frozen=True, kw_only=True):
         role: ``agent``, ``base``, ``basestation``, ``simulator`` ...
         state: one word, such as ``driving``, ``holding``, ``stopped``, ``failed``.
         reasons: why it does not drive, most important first.
+        note: why it drives otherwise than its behaviour wants, such as ``keeps clear of r3``; the newest such reason
+            since the previous health message.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
         failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
@@ -81,6 +88,7 @@ class Health(Message, frozen=True, kw_only=True):
     role: str
     state: str
     reasons: tuple[str, ...] = ()
+    note: str = ""
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
     failure: str = ""

@@ -166,7 +166,8 @@ class Odometry(Message, frozen=True, kw_only=True):
 
 
 class Truth(Message, frozen=True, kw_only=True):
-    """The true state of a simulated robot. For score sheets only; no task may read it."""
+    """The true state of a simulated robot. For score sheets and simulated cameras; no other
+    task may read it."""
 
     x: float
     y: float
@@ -176,7 +177,18 @@ class Truth(Message, frozen=True, kw_only=True):
 
 
 class BaseState(Message, frozen=True, kw_only=True):
-    """The state of a base. ``battery`` in [0, 1]. ``dead_man``: no fresh command, wheels at zero."""
+    """The state of a base.
+
+    Attributes:
+        battery: its charge, in [0, 1].
+        charging: whether it is being charged.
+        bumper: whether it touches something.
+        cliff: whether there is no floor ahead.
+        wheel_drop: whether a wheel hangs.
+        dead_man: no fresh command, wheels at zero.
+        contested: two processes command its wheels, which therefore stand.
+        unruly: its wheels do not do what they are commanded: they are blocked, or somebody else turns them.
+    """
 
     battery: float
     charging: bool
@@ -184,3 +196,5 @@ class BaseState(Message, frozen=True, kw_only=True):
     cliff: bool
     wheel_drop: bool
     dead_man: bool
+    contested: bool = False
+    unruly: bool = False

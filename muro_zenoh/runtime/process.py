@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
 import faulthandler
 import gc
 import logging
@@ -43,6 +44,9 @@ for a thread which never ends, is ended by force [s]. `muro run` takes up to six
 
 _ORPHAN_TIMEOUT = 3.0
 """The same for a process whose supervisor has ended, because nothing else would stop it [s]."""
+
+_PR_SET_PDEATHSIG = 1
+"""From linux/prctl.h."""
 
 _SWITCH_INTERVAL = 0.0005
 """A worker thread releases the interpreter's lock within this time when the loop waits for it [s]; Python's default of
@@ -123,6 +127,7 @@ async def _run_until_shutdown(main: Coroutine[Any, Any, int | None]) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, on_signal)
     if LIFELINE in os.environ:
+        _wake_when_orphaned()
         lifeline = int(os.environ[LIFELINE])
         threading.Thread(target=_watch_lifeline, args=(lifeline, loop, shut_down), name="lifeline", daemon=True).start()
     try:
@@ -131,6 +136,12 @@ async def _run_until_shutdown(main: Coroutine[Any, Any, int | None]) -> int:
         if not reason:
             raise
         return OK
+
+
+def _wake_when_orphaned() -> None:
+    """Have Linux send SIGCONT when the supervisor ends: a frozen process could not notice that its lifeline closes."""
+    with contextlib.suppress(AttributeError, OSError):  # elsewhere there is no prctl()
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGCONT))
 
 
 def _watch_lifeline(lifeline: int, loop: asyncio.AbstractEventLoop, shut_down: Callable[[str], None]) -> None:

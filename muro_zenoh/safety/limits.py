@@ -7,6 +7,20 @@ import math
 from muro_zenoh.geometry import STILL, Twist2
 
 
+def limit(twist: Twist2, *, v_max: float, omega_max: float) -> Twist2:
+    """A twist within limits; one that is not finite gives zero.
+
+    Args:
+        twist: the twist [m/s, rad/s].
+        v_max: maximum |v| [m/s].
+        omega_max: maximum |omega| [rad/s].
+    """
+    v, omega = twist
+    if not math.isfinite(v) or not math.isfinite(omega):
+        return STILL
+    return Twist2(min(max(v, -v_max), v_max), min(max(omega, -omega_max), omega_max))
+
+
 def calibrate_and_limit(desired: Twist2, *, cal_v: float, cal_omega: float, v_max: float, omega_max: float) -> Twist2:
     """The command that gives a robot with drive errors the desired twist, within its limits.
 
@@ -21,7 +35,4 @@ def calibrate_and_limit(desired: Twist2, *, cal_v: float, cal_omega: float, v_ma
 
     Source: seed 000, sections 4.3 and 8.1 (``u2 = u2*OmegaC; u1 = u1*OmegaD``, then the limits).
     """
-    v, omega = desired.v * cal_v, desired.omega * cal_omega
-    if not math.isfinite(v) or not math.isfinite(omega):
-        return STILL
-    return Twist2(min(max(v, -v_max), v_max), min(max(omega, -omega_max), omega_max))
+    return limit(Twist2(desired.v * cal_v, desired.omega * cal_omega), v_max=v_max, omega_max=omega_max)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from muro_zenoh import channels
@@ -15,7 +15,7 @@ from muro_zenoh.messages import Health, VelocityCommand
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.scoring.circle import RADIUS_BAND, radius_error
 from muro_zenoh.scoring.expectations import expectation_of
-from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, Observed, Planned, Sample
+from muro_zenoh.scoring.observed import SAMPLE_PERIOD, Body, Calibrated, FaultSeen, Observed, Planned, Sample
 from muro_zenoh.scoring.reports import AgentReports, SimulatorReports, keep_newest
 from muro_zenoh.scoring.sheet import ProcessUse
 from muro_zenoh.transport import Bus, Every, Received
@@ -52,6 +52,7 @@ class Collector:
         self._robots = scenario.robots
         self._health = bus.every(channels.HEALTH, "*", depth=4096)
         self._truth = bus.latest(channels.TRUTH, "*")
+        self._bases = bus.latest(channels.BASE, "*")
         self._circle = bus.latest(channels.CIRCLE)
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
@@ -120,6 +121,22 @@ class Collector:
         """
         health = self.health.get(process)
         return health.age(self._bus.clock.now()) if health is not None else None
+
+    def wheels_stopped(self, robot: str) -> str:
+        """Why a robot's wheels are not turning, as its base reports: its agent may be frozen, and say nothing yet.
+
+        Args:
+            robot: its name.
+
+        Returns:
+            The reason; empty when there is none, and before the first report of the base.
+        """
+        base = self._bases.values().get(robot)
+        if base is None:
+            return ""
+        if base.age(self._bus.clock.now()) > channels.BASE.stale_after:
+            return "its base is silent"
+        return "its base receives no commands" if base.message.dead_man else ""
 
     def fix_rate(self, robot: str) -> float | None:
         """Reported accepted fixes per second of scenario time [Hz].
@@ -217,7 +234,14 @@ class Collector:
     # ---- the end
 
     def observed(
-        self, *, duration: float, seed: int | None, ended: str, restarts: int, processes: Mapping[str, ProcessUse]
+        self,
+        *,
+        duration: float,
+        seed: int | None,
+        ended: str,
+        restarts: int,
+        processes: Mapping[str, ProcessUse],
+        faults: Sequence[FaultSeen] = (),
     ) -> Observed:
         """All collected data.
 
@@ -227,6 +251,7 @@ class Collector:
             ended: ``duration``, ``interrupted`` or ``failed``.
             restarts: of processes.
             processes: their use of the machine.
+            faults: what became of the scenario's faults.
         """
         return Observed(
             scenario=self._scenario.name,
@@ -249,4 +274,5 @@ class Collector:
             command_ratio=self._command_ratio,
             seen=self._seen,
             failures=self._failures,
+            faults=faults,
         )

@@ -94,6 +94,26 @@ class Calibrated(NamedTuple):
         return max(abs(self.cal0 * self.s_omega - 1.0), abs(self.calD * self.s_v - 1.0))
 
 
+class FaultSeen(NamedTuple):
+    """What became of a fault of the scenario.
+
+    Attributes:
+        kind: as in the scenario.
+        target: as in the scenario.
+        begin: scenario time at which it began [s]; None when it did not.
+        end: scenario time at which it ended [s]; None when it did not.
+        stamp: when it began, by the clock of the machine [s since 1970]; None when it did not.
+        note: why it had no effect; empty otherwise.
+    """
+
+    kind: str
+    target: str
+    begin: float | None = None
+    end: float | None = None
+    stamp: float | None = None
+    note: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Observed:
     """The data observed in a run.
@@ -119,6 +139,7 @@ class Observed:
         command_ratio: the largest commanded speed of any robot over its limit; None when it was not recorded.
         seen: the robots that a camera saw.
         failures: why behaviours failed, or ended before the run did, by robot.
+        faults: what became of the scenario's faults, in their order.
     """
 
     scenario: str
@@ -141,3 +162,4 @@ class Observed:
     command_ratio: float | None = None
     seen: Collection[str] = ()
     failures: Mapping[str, str] = field(default_factory=dict)
+    faults: Sequence[FaultSeen] = ()

@@ -12,7 +12,7 @@ from muro_zenoh.scoring.density import density_error
 from muro_zenoh.scoring.deployment import Coverage, score_deployment
 from muro_zenoh.scoring.goals import Tracked, score_goals, score_tracking
 from muro_zenoh.scoring.observed import Calibrated, Moment, Observed, Sample
-from muro_zenoh.scoring.sheet import Calibration, ScoreSheet
+from muro_zenoh.scoring.sheet import Calibration, FaultResult, ScoreSheet
 from muro_zenoh.scoring.spread import DelaySpread, ErrorSpread
 from muro_zenoh.scoring.verdict import passed
 
@@ -67,6 +67,7 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
         never_seen=tuple(name for name in seen.robots if name not in seen.seen),
         stopped_s={name: _stopped_time(seen, name) for name in seen.robots},
         failures={name: seen.failures[name] for name in seen.robots if name in seen.failures},
+        faults=tuple(FaultResult(f.kind, f.target, f.begin, f.end, f.stamp, f.note) for f in seen.faults),
         restarts=seen.restarts,
         processes=seen.processes,
         checks={},

@@ -56,6 +56,18 @@ class ProcessUse(Table):
 
 
 @dataclass(frozen=True, slots=True)
+class FaultResult(Table):
+    """A fault of the scenario, and what became of it."""
+
+    kind: Annotated[str, Row("its kind, as in the scenario's `[[fault]]`, in the order of the scenario")]
+    target: Annotated[str, Row("its target, likewise")]
+    begin_s: Annotated[float | None, Row("scenario time at which it began; `null` when it did not", "s", 3)]
+    end_s: Annotated[float | None, Row("scenario time at which it ended; `null` when it did not", "s", 3)]
+    stamp: Annotated[float | None, Row("when it began, as messages are stamped, in seconds since 1970", "s", 3)]
+    note: Annotated[str, Row("why it had no effect, such as that the process was not running; empty otherwise")]
+
+
+@dataclass(frozen=True, slots=True)
 class CheckResult(Table):
     """A check that the scenario makes, and its result."""
 
@@ -231,6 +243,7 @@ class ScoreSheet(Table):
             by="robot",
         ),
     ]
+    faults: Annotated[tuple[FaultResult, ...], Row()]
     restarts: Annotated[int, Row("number of restarts of processes that died")]
     processes: Annotated[Mapping[str, ProcessUse], Row(by="process")]
     checks: Annotated[Mapping[str, CheckResult], Row(by="check")]

@@ -25,6 +25,7 @@ class RobotRow(NamedTuple):
         gap: gap to the next robot in the direction of travel [rad]; None unless they are to spread evenly.
         command_rate: commands per second [Hz].
         calibrated: its estimated drive calibration.
+        note: why it drives otherwise than its behaviour wants.
     """
 
     name: str
@@ -35,6 +36,7 @@ class RobotRow(NamedTuple):
     gap: float | None
     command_rate: float | None
     calibrated: Calibrated
+    note: str = ""
 
     @property
     def driving(self) -> bool:
@@ -53,6 +55,7 @@ class View(NamedTuple):
             position of a robot is unknown.
         spacing_error: the spacing error [rad]; None unless they are to spread evenly, and likewise.
         restarts: number of process restarts.
+        faults: the scenario's faults that last now.
     """
 
     t: float
@@ -61,6 +64,7 @@ class View(NamedTuple):
     radius_error: float | None
     spacing_error: float | None
     restarts: int
+    faults: tuple[str, ...] = ()
 
     @property
     def driving(self) -> int:
@@ -68,31 +72,34 @@ class View(NamedTuple):
         return sum(row.driving for row in self.rows)
 
 
-def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
+def view_of(collector: Collector, scenario: Scenario, restarts: int, faults: tuple[str, ...] = ()) -> View:
     """The state of a run now.
 
     Args:
         collector: the collected data.
         scenario: its robots and its duration.
         restarts: number of process restarts.
+        faults: the scenario's faults that last now.
     """
     sample, expected = collector.latest, collector.expected
     gaps = gaps_ahead(sample.positions, sample.circle) if expected.spreads else {}
     rows = []
     for name in scenario.robots:
         health, silence = _current_health(collector, name)
+        reasons = ", ".join(health.reasons) if health is not None else silence
         ages = health.samples.get("pose_age_s", ()) if health is not None else ()
         position = sample.positions.get(name)
         rows.append(
             RobotRow(
                 name,
                 health.state if health is not None else "-",
-                ", ".join(health.reasons) if health is not None else silence,
+                reasons or collector.wheels_stopped(name),
                 statistics.median(ages) if ages else None,
                 radius_error(position, sample.circle) if position is not None and expected.follows_circle else None,
                 gaps.get(name),
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
+                health.note if health is not None else "",
             )
         )
     all_known = len(sample.positions) == len(scenario.robots)
@@ -105,6 +112,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int) -> View:
         else None,
         spacing_error(sample.positions, sample.circle) if all_known and expected.spreads else None,
         restarts,
+        faults,
     )
 
 

@@ -153,6 +153,14 @@ class Plant:
         """
         self._state[:, 0, robot] = x, y, ARRAYS.wrap(np.float64(theta))
 
+    def jam(self, robot: int) -> None:
+        """Bring one robot's wheels to rest at once.
+
+        Args:
+            robot: its index.
+        """
+        self._speeds[:, robot] = 0.0
+
     def _look(self) -> None:
         """Update contacts and minimum distance from all pairs."""
         first, second = self._pairs

@@ -3,15 +3,46 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from muro_zenoh.elementwise import Array
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import Bounds
+from muro_zenoh.safety.separation import SeparationSettings
 
 _TRIES = 400
 _LAYOUTS = 50
+
+
+def starts_of(
+    given: Mapping[str, Sequence[float]],
+    names: Sequence[str],
+    rng: np.random.Generator,
+    bounds: Bounds,
+    radii: Array,
+    margin: float,
+) -> Array:
+    """The poses at which robots start: the given ones, or random ones.
+
+    Args:
+        given: x, y [m, world], theta [rad] by name, of all robots or of none.
+        names: the robots.
+        rng: the generator.
+        bounds: the arena.
+        radii: of the bodies (n,) [m].
+        margin: of random poses: minimum gap between two bodies, and between a body and a wall [m].
+
+    Returns:
+        (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
+
+    Raises:
+        PlanningError: the robots do not fit.
+    """
+    if given:
+        return np.array([given[name] for name in names], dtype=np.float64)
+    return random_starts(rng, len(names), bounds, radii, margin)
 
 
 def random_starts(
@@ -19,7 +50,7 @@ def random_starts(
     n: int,
     bounds: Bounds,
     radius: float | Array,
-    margin: float = 0.02,
+    margin: float = SeparationSettings().margin,
 ) -> Array:
     """Random poses that touch neither each other nor the walls.
 
@@ -28,7 +59,8 @@ def random_starts(
         n: number of robots.
         bounds: the arena.
         radius: of the bodies [m], of all robots or (n,).
-        margin: minimum gap between two bodies, and between a body and a wall [m].
+        margin: minimum gap between two bodies, and between a body and a wall [m]; by default what the separation filter
+            keeps, for closer robots are held where they are until one of them leaves.
 
     Returns:
         (n, 3): x, y [m, world], theta [rad, (-pi, pi]].

@@ -50,6 +50,7 @@ class Child:
         ready: set while it is ready.
         was_ready: whether it has been ready in any run.
         stopping: whether it is being stopped and must not be restarted.
+        may_restart: cleared while it must stay dead after its death.
     """
 
     def __init__(self, spec: ChildSpec, log: Path, lifeline: int) -> None:
@@ -60,6 +61,8 @@ class Child:
         self.ready = asyncio.Event()
         self.was_ready = False
         self.stopping = False
+        self.may_restart = asyncio.Event()
+        self.may_restart.set()
         self._lifeline = lifeline
 
     async def run(self) -> tuple[int, list[str]]:
@@ -102,11 +105,22 @@ class Child:
                 self.ready.clear()
         return code, _tail(self.log, begin)
 
+    def signal(self, number: signal.Signals) -> bool:
+        """Send it a signal; returns whether it is running.
+
+        Args:
+            number: which.
+        """
+        if self.pid is None:
+            return False
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, number)
+        return True
+
     def terminate(self) -> None:
-        """Send it SIGTERM."""
-        if self.pid is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self.pid, signal.SIGTERM)
+        """Send it SIGTERM. One that is frozen wakes for it, and does nothing else before."""
+        self.signal(signal.SIGTERM)
+        self.signal(signal.SIGCONT)
 
     def kill(self) -> None:
         """Kill it and every process that it has started."""

@@ -55,6 +55,18 @@ def write_scenario(scenario: Scenario, folder: Path) -> Path:
     return path
 
 
+def write_event(text: str, folder: Path) -> None:
+    """Append what `muro run` itself reports, with the time, to its log.
+
+    Args:
+        text: one event; it may have several lines.
+        folder: of the run.
+    """
+    now = time.time()
+    with (folder / "muro.log").open("a") as log:
+        log.write(f"{time.strftime('%H:%M:%S', time.localtime(now))}.{int(1000 * now) % 1000:03d} {text}\n")
+
+
 def write_report(sheet: ScoreSheet, path: Path) -> None:
     """Write a score sheet as JSON.
 

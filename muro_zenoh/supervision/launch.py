@@ -6,6 +6,7 @@ import asyncio
 import os
 import socket
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -13,6 +14,8 @@ import msgspec
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.supervision.child import Child, ChildSpec
+from muro_zenoh.supervision.fault_targets import camera_process, cameras_apart
+from muro_zenoh.supervision.faults import Links
 from muro_zenoh.supervision.folder import write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 
@@ -42,18 +45,20 @@ def free_port(preferred: int = PORT) -> int:
 
 
 def connected_to(scenario: Scenario, endpoint: str) -> Scenario:
-    """The scenario with every process as a client of one router.
+    """The scenario with every process as a client of one router. The bases are in the simulator: no agent looks for its
+    own on this machine.
 
     Args:
         scenario: the scenario.
         endpoint: the router's endpoint.
     """
     bus = msgspec.structs.replace(scenario.bus, mode="client", connect=(endpoint,), listen=())
-    return msgspec.structs.replace(scenario, bus=bus)
+    robots = {name: msgspec.structs.replace(robot, base_link=None) for name, robot in scenario.robot.items()}
+    return msgspec.structs.replace(scenario, bus=bus, robot=robots)
 
 
 async def start_all(
-    supervisor: Supervisor, scenario: Scenario, seed: int, folder: Path
+    supervisor: Supervisor, scenario: Scenario, seed: int, folder: Path, links: Links
 ) -> tuple[Scenario, asyncio.Task[list[Child]]]:
     """Start a router on the default port, or on a free one when that is taken, and all other processes.
 
@@ -64,6 +69,7 @@ async def start_all(
         scenario: the scenario.
         seed: the simulator's seed.
         folder: of the run; the scenario is written there.
+        links: the relays for links with faults.
 
     Returns:
         The scenario with every process connected to the router, which is ready; and the task that ends when all other
@@ -76,10 +82,11 @@ async def start_all(
         port = free_port(PORT)
         connected = connected_to(scenario, f"tcp/{HOST}:{port}")
         file = write_scenario(connected, folder)
+        links.lead_to(connected.bus.connect[0])
         # The router is started first, so that it is stopped last.
         routing = asyncio.create_task(supervisor.start([router_spec(file)]), name="start the router")
         others = asyncio.create_task(
-            supervisor.start(fleet_specs(connected, file, seed, folder)), name="start the fleet"
+            supervisor.start(fleet_specs(connected, file, seed, folder, links.endpoints)), name="start the fleet"
         )
         try:
             await routing
@@ -110,21 +117,28 @@ def router_spec(file: Path) -> ChildSpec:
     return ChildSpec("router", muro_command("router", str(file)), environment)
 
 
-def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path) -> list[ChildSpec]:
-    """All processes of a run except the router: simulator, base station, an agent per robot.
+def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path, relays: Mapping[str, str]) -> list[ChildSpec]:
+    """All processes of a run except the router: simulator, base station, an agent per robot. When a fault befalls a
+    camera, each camera is a process too.
 
     Args:
         scenario: the scenario.
         file: the file of the scenario.
         seed: the simulator's seed.
         folder: of the run.
+        relays: where a process connects instead of to the router, by its name.
     """
     environment = _environment()
+    simulate = ("sim", str(file), "--seed", str(seed))
+    apart = cameras_apart(scenario)
     commands = {
-        "simulator": ("sim", str(file), "--seed", str(seed)),
+        "simulator": (*simulate, "--bases") if apart else simulate,
+        **({camera_process(name): (*simulate, "--camera", name) for name in scenario.camera} if apart else {}),
         "basestation": ("basestation", str(file), "--state", str(folder / "state.json")),
         **{name: ("agent", str(file), name) for name in scenario.robots},
     }
+    for name, endpoint in relays.items():
+        commands[name] = (*commands[name], "--connect", endpoint)
     return [ChildSpec(name, muro_command(*arguments), environment) for name, arguments in commands.items()]
 
 

@@ -38,7 +38,7 @@ def check_can_run(scenario: Scenario, file: str) -> None:
         file: its file, for errors.
 
     Raises:
-        ConfigError: no camera, no such wheels or behaviour, or invalid parameters.
+        ConfigError: no camera, rows of orders, no such wheels or behaviour, or invalid parameters.
     """
     from agents.base.table import check_base  # only after check_own_packages
 
@@ -48,6 +48,13 @@ def check_can_run(scenario: Scenario, file: str) -> None:
             f"{file}: camera",
             got="none",
             expected="a section [camera.<name>], because no robot drives without poses",
+        )
+    if scenario.orders:
+        raise ConfigError(
+            f"{file}: order",
+            got=f"{len(scenario.orders)} of them",
+            expected="none, because only `muro check` gives orders by itself",
+            hint="Give them with `muro set`, `muro stop` and `muro resume`.",
         )
     for name in scenario.robots:
         check_base(scenario, name, file)

@@ -20,7 +20,8 @@ from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
 from muro_zenoh.supervision import launch
 from muro_zenoh.supervision.child import Child
-from muro_zenoh.supervision.folder import REPORT, write_report, write_scenario
+from muro_zenoh.supervision.faults import Faults, Links
+from muro_zenoh.supervision.folder import REPORT, write_event, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
 from muro_zenoh.transport import open_bus
@@ -96,13 +97,17 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
         screen: where it is shown.
     """
     scenario = settings.scenario
+    screen = _Logged(screen, settings.folder)
     screen.notify(
         f"{scenario.name}: {counted(len(scenario.robots), 'robot')}, seed {settings.seed}; logs in {settings.folder}/"
     )
     with screen:
         try:
-            async with Supervisor(settings.folder, screen.notify) as supervisor:
-                seen = await _run(settings, supervisor, screen)
+            async with (
+                Links(scenario, settings.seed) as links,
+                Supervisor(settings.folder, screen.notify) as supervisor,
+            ):
+                seen = await _run(settings, supervisor, links, screen)
         except SupervisionError as error:
             screen.notify(f"failed: {error}")
             return RunResult(None, interrupted=False)
@@ -115,10 +120,32 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
     return RunResult(sheet, interrupted=sheet.ended == "interrupted")
 
 
-async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) -> Observed:
+class _Logged:
+    """A screen whose events are also kept, in the log of the run itself."""
+
+    def __init__(self, screen: Screen, folder: Path) -> None:
+        self._screen = screen
+        self._folder = folder
+        self.show = screen.show
+
+    def notify(self, text: str) -> None:
+        write_event(text, self._folder)
+        self._screen.notify(text)
+
+    def __enter__(self) -> Screen:
+        self._screen.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._screen.__exit__(kind, error, trace)
+
+
+async def _run(settings: RunSettings, supervisor: Supervisor, links: Links, screen: Screen) -> Observed:
     """From the first process to the end of the run; the supervisor stops the processes."""
     began = asyncio.get_running_loop().time()
-    scenario, starting = await _start(settings, supervisor, screen)
+    scenario, starting = await _start(settings, supervisor, links, screen)
     try:
         async with open_bus(scenario.bus, Role.OPERATOR) as bus:
             collector = Collector(bus, scenario)
@@ -126,7 +153,12 @@ async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) ->
             try:
                 await starting
                 screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
-                return await _watch(settings, supervisor, screen, collector, collecting)
+
+                def children() -> dict[str, Child]:
+                    return {child.spec.name: child for child in supervisor.children}
+
+                faults = Faults(scenario, links, children, bus.clock, screen.notify)
+                return await _watch(settings, supervisor, screen, collector, collecting, faults)
             finally:
                 collecting.cancel()
                 with contextlib.suppress(asyncio.CancelledError):
@@ -137,15 +169,17 @@ async def _run(settings: RunSettings, supervisor: Supervisor, screen: Screen) ->
 
 
 async def _start(
-    settings: RunSettings, supervisor: Supervisor, screen: Screen
+    settings: RunSettings, supervisor: Supervisor, links: Links, screen: Screen
 ) -> tuple[Scenario, asyncio.Task[list[Child]]]:
     """Start every process; return the scenario with the router's endpoint, and a task that ends when all are ready."""
     scenario, folder = settings.scenario, settings.folder
     if settings.connect is not None:
         scenario = launch.connected_to(scenario, settings.connect)
-        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder)
+        if links.endpoints:
+            links.lead_to(settings.connect)
+        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder, links.endpoints)
         return scenario, asyncio.create_task(supervisor.start(specs), name="start the fleet")
-    scenario, starting = await launch.start_all(supervisor, scenario, settings.seed, folder)
+    scenario, starting = await launch.start_all(supervisor, scenario, settings.seed, folder, links)
     endpoint = scenario.bus.connect[0]
     if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
         screen.notify(
@@ -161,6 +195,7 @@ async def _watch(
     screen: Screen,
     collector: Collector,
     collecting: asyncio.Task[None],
+    faults: Faults,
 ) -> Observed:
     """From the moment when all are ready to the end of the run."""
     scenario, loop = settings.scenario, asyncio.get_running_loop()
@@ -178,12 +213,15 @@ async def _watch(
     end = begin + scenario.duration
     failing = asyncio.ensure_future(supervisor.failure())
     ended, next_usage = "duration", begin + _USAGE_PERIOD
+    befalling = asyncio.create_task(faults.run(begin), name="faults")
     waits: set[asyncio.Future[Any]] = {failing, collecting}
     try:
         while (now := loop.time()) < end:
             await asyncio.wait(waits, timeout=min(_VIEW_PERIOD, end - now), return_when=asyncio.FIRST_COMPLETED)
             if collecting.done():
                 await collecting  # its error
+            if befalling.done():
+                await befalling  # its error
             if failing.done():
                 ended = "failed"
                 screen.notify(f"failed: {failing.result()}")
@@ -191,14 +229,21 @@ async def _watch(
             if loop.time() >= next_usage:
                 next_usage += _USAGE_PERIOD
                 usage.note(processes())
-            screen.show(view_of(collector, scenario, restarts()))
+            screen.show(view_of(collector, scenario, restarts(), faults.lasting))
     except asyncio.CancelledError:
         ended = "interrupted"
         screen.notify("interrupted: stopping all processes; the score sheet covers the time until now")
     finally:
         failing.cancel()
+        befalling.cancel()
+        await asyncio.wait({befalling})
     elapsed = min(loop.time() - begin, scenario.duration)
     usage.note(processes())
     return collector.observed(
-        duration=elapsed, seed=settings.seed, ended=ended, restarts=restarts(), processes=usage.report(elapsed)
+        duration=elapsed,
+        seed=settings.seed,
+        ended=ended,
+        restarts=restarts(),
+        processes=usage.report(elapsed),
+        faults=faults.seen,
     )

@@ -153,8 +153,10 @@ class Supervisor:
                     f"expected at most {policy.max_restarts}: given up; see {child.log}"
                 )
             delay = policy.first_delay * 2.0 ** (len(deaths) - 1)
-            self._notify(f"{name} restarts in {delay:g} s")
+            if child.may_restart.is_set():
+                self._notify(f"{name} restarts in {delay:g} s")
             await asyncio.sleep(delay)
+            await child.may_restart.wait()
             child.restarts += 1
 
     def _on_late(self, child: Child, run: int) -> None:

@@ -17,8 +17,9 @@ from contextlib import asynccontextmanager
 from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.runtime.clock import Clock
-from muro_zenoh.transport.bus import Bus, make_bus
+from muro_zenoh.transport.bus import Bus, draw_epoch, make_bus
 from muro_zenoh.transport.link import Closable
+from muro_zenoh.transport.local_link import with_local_link
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.memory_link import MemoryNetwork
 from muro_zenoh.transport.publisher import Publisher
@@ -37,8 +38,10 @@ __all__ = [
     "Roster",
     "Sample",
     "Tap",
+    "draw_epoch",
     "make_bus",
     "open_bus",
+    "with_local_link",
 ]
 
 

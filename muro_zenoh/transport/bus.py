@@ -36,6 +36,7 @@ from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.orders import Orders, nobody_answered
 from muro_zenoh.transport.publisher import Publisher
+from muro_zenoh.transport.pulse import Pulse
 from muro_zenoh.transport.received import Counters
 from muro_zenoh.transport.tap import Roster, Tap
 
@@ -51,18 +52,18 @@ class Bus:
         realm: the first word of every key.
         roles: of this process: what it may publish, ask, answer and announce.
         clock: for stamps and arrival times.
+        epoch: this process's number; drawn at random for each bus, but where a run is to be repeated.
 
     Attributes:
-        epoch: this process's number; drawn at random for each bus.
+        epoch: this process's number.
         counters: what became of the messages, by the channel's word.
     """
 
-    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock) -> None:
+    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock, epoch: int | None = None) -> None:
         self.realm = check_realm(realm)
         self.roles = frozenset(roles)
         self.clock = clock
-        # 48 bits: exact in every language's numbers
-        self.epoch = random.SystemRandom().getrandbits(48) | 1
+        self.epoch = draw_epoch(random.SystemRandom()) if epoch is None else epoch
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
         self._link = link
         self._loop = asyncio.get_running_loop()
@@ -71,6 +72,7 @@ class Bus:
         self._wildcards: list[tuple[str, Inbox[Any]]] = []  # with the start of their keys
         self._numbers: dict[str, itertools.count[int]] = {}  # the next `seq` of each key that this process writes
         self._orders: list[Orders[Any]] = []
+        self._pulse: Pulse | None = None
         self._closed = False
 
     # ---- channels
@@ -241,7 +243,10 @@ class Bus:
         self._check_role((verb.answered_by,), f"order {verb.word}", "answer it")
         key = verb_key(self.realm, verb, name)
         word = verb.word if verb.named else f"{verb.answered_by}/{verb.word}"
-        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word])
+        if self._pulse is None:
+            self._pulse = Pulse(self._loop, self.clock)
+            self._open[self._pulse] = None
+        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word], self._pulse, self.clock)
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None
@@ -304,11 +309,30 @@ class Bus:
         await self.close()
 
 
+def draw_epoch(rng: random.Random) -> int:
+    """The number of a process that starts.
+
+    Args:
+        rng: the generator.
+
+    Returns:
+        Not 0, and of 48 bits: exact in every language's numbers.
+    """
+    return rng.getrandbits(48) | 1
+
+
 def _either(roles: Iterable[Role]) -> str:
     return " or ".join(sorted(roles))
 
 
-def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROLES, clock: Clock | None = None) -> Bus:
+def make_bus(
+    link: Link,
+    realm: str = "muro",
+    *,
+    roles: Iterable[Role] = ALL_ROLES,
+    clock: Clock | None = None,
+    epoch: int | None = None,
+) -> Bus:
     """A bus over any link; for the in-memory one, and for tests.
 
     Args:
@@ -316,5 +340,6 @@ def make_bus(link: Link, realm: str = "muro", *, roles: Iterable[Role] = ALL_ROL
         realm: the first words of every key.
         roles: of the process; all of them by default, for tests that play every process.
         clock: for stamps and arrival times; the system's by default.
+        epoch: the process's number; drawn at random by default.
     """
-    return Bus(link, realm, roles, clock or SystemClock())
+    return Bus(link, realm, roles, clock or SystemClock(), epoch)

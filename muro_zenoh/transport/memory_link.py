@@ -1,19 +1,35 @@
 """The in-memory link: a network within one process and one event loop, for tests and virtual time.
 
-It carries bytes, so the codec is exercised as over Zenoh.
+It carries bytes, so the codec is exercised as over Zenoh. Like Zenoh's its links lead to a router, and each may have
+:mod:`troubles <muro_zenoh.transport.memory_faults>`; a message, a query and its answer, a kept value and the news of a
+token cross the sender's link, the router and the receiver's link.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import contextvars
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Final, TypeVar
 
 from muro_zenoh.channels import Priority
 from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
+from muro_zenoh.transport.memory_faults import Deliver, Trouble, Way
+
+T = TypeVar("T")
+
+LEASE: Final = 2.0
+"""After this silence a link counts as closed: its tokens are gone, and it sees no others' [s]."""
 
 
+Witness = Callable[[str, float], None]
+"""Called with the key of a sample, and with when it was sent [s, loop], as it reaches a reader."""
+
+
+@lru_cache(maxsize=8192)
 def matches(expression: str, key: str) -> bool:
     """Whether a key is in a key expression: ``*`` stands for one chunk, ``**`` for any number of them."""
     return _match(expression.split("/"), key.split("/"))
@@ -33,35 +49,144 @@ class _Reader:
     link: MemoryLink
     expression: str
     file: FileSample
+    witness: Witness | None
+
+    def take(self, key: str, payload: bytes, encoding: str | None, sent: float) -> None:
+        """File a sample that was sent at a time."""
+        if self.witness is not None:
+            self.witness(key, sent)
+        self.file(key, payload, encoding)
 
 
-@dataclass
+@dataclass(slots=True, eq=False)
+class _Watcher:
+    link: MemoryLink
+    expression: str
+    file: FileToken
+    shown: dict[str, None]
+    heard: dict[str, None]
+
+    def hear(self, key: str, there: bool) -> None:
+        """Take news that has arrived."""
+        if there:
+            self.heard[key] = None
+        else:
+            self.heard.pop(key, None)
+        self.link.run(self.file, key, there)
+
+
 class MemoryNetwork:
-    """What the links of one network share.
+    """What the links of one network share: the router between them.
 
-    A sample is filed with its readers while it is put: filing wakes a task at most, and runs none.
+    On a link without troubles a sample is filed with its readers while it is put: filing wakes a task at most, and runs
+    none.
+
+    Attributes:
+        router: what every message crosses that does not stay on one computer.
+        changes: what somebody makes of the payloads of a key, by key.
     """
 
-    _readers: list[_Reader] = field(default_factory=list)
-    _readers_of: dict[str, tuple[_Reader, ...]] = field(default_factory=dict)
-    _kept: dict[str, tuple[_Publisher, bytes, str | None]] = field(default_factory=dict)
-    _tokens: list[tuple[str, MemoryLink]] = field(default_factory=list)
-    _watchers: list[tuple[MemoryLink, str, FileToken]] = field(default_factory=list)
-    _answers: list[tuple[str, MemoryLink, Callable[[Question], None]]] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.router = Way(self._settle)
+        self.changes: dict[str, list[Callable[[bytes], bytes]]] = {}
+        self._calm = True
+        self._links: dict[MemoryLink, None] = {}
+        self._readers: list[_Reader] = []
+        self._readers_of: dict[str, tuple[_Reader, ...]] = {}
+        self._kept: dict[str, tuple[_Publisher, bytes, str | None]] = {}
+        self._tokens: list[tuple[str, MemoryLink]] = []
+        self._watchers: list[_Watcher] = []
+        self._answers: list[tuple[str, MemoryLink, Callable[[Question], None]]] = []
 
-    def link(self) -> MemoryLink:
-        """A new link to this network."""
-        return MemoryLink(self)
+    def link(self, *computers: str, witnesses: Mapping[str, Witness] | None = None) -> MemoryLink:
+        """A new link to this network.
+
+        Args:
+            computers: where the process runs; those of one computer reach each other past the router.
+            witnesses: what looks at the samples that reach it, by key expression.
+        """
+        link = MemoryLink(self, frozenset(computers), witnesses or {})
+        self._links[link] = None
+        self._settle()
+        link._check_silence()
+        return link
 
     def put(self, key: str, payload: bytes, encoding: str | None = None, *, sender: MemoryLink | None = None) -> None:
         """Deliver bytes to every reader but the sender's own; without a sender, as a stranger would."""
+        for change in self.changes.get(key, ()):
+            payload = change(payload)
+        readers = self._readers_to(key)
+        if self._calm:
+            for reader in readers:
+                if reader.link is not sender:
+                    if reader.witness is not None:
+                        reader.witness(key, asyncio.get_running_loop().time())
+                    reader.file(key, payload, encoding)
+            return
+        now = asyncio.get_running_loop().time()
+        for reader in readers:
+            if sender is not None and reader.link is not sender and reader.link.is_near(sender):
+                reader.link.receive(partial(reader.take, key, payload, encoding, now))
+        spread = partial(self._spread, sender, key, payload, encoding, now)
+        (sender.way_out if sender is not None else self.router).send(
+            partial(self.router.send, spread) if sender is not None else spread
+        )
+
+    def _spread(self, sender: MemoryLink | None, key: str, payload: bytes, encoding: str | None, sent: float) -> None:
+        """Send a sample from the router on to its readers."""
+        for reader in self._readers_to(key):
+            link = reader.link
+            if link is not sender and (sender is None or not link.is_near(sender)):
+                link.way_in.send(partial(link.receive, partial(reader.take, key, payload, encoding, sent)))
+
+    def _readers_to(self, key: str) -> tuple[_Reader, ...]:
         readers = self._readers_of.get(key)
         if readers is None:
             readers = tuple(reader for reader in self._readers if matches(reader.expression, key))
             self._readers_of[key] = readers
-        for reader in readers:
-            if reader.link is not sender:
-                reader.file(key, payload, encoding)
+        return readers
+
+    def carry(self, sender: MemoryLink | None, receiver: MemoryLink, deliver: Deliver, reliable: bool = False) -> None:
+        """Take something from link to link.
+
+        Args:
+            sender: whose; None for a stranger's.
+            receiver: whom it is for.
+            deliver: hands it over there.
+            reliable: whether it is repeated until it has arrived.
+        """
+        deliver = partial(receiver.receive, deliver)
+        if self._calm or (sender is not None and receiver.is_near(sender)):
+            deliver()
+            return
+        hop = partial(self.router.send, partial(receiver.way_in.send, deliver, reliable), reliable)
+        if sender is None:
+            hop()
+        else:
+            sender.way_out.send(hop, reliable)
+
+    def _settle(self) -> None:
+        self._calm = self.router.calm and all(link.calm for link in self._links)
+
+    def begin(self, trouble: Trouble) -> None:
+        """The router has a trouble from now on."""
+        self.router.begin(trouble)
+        self._check_silence()
+
+    def end(self, trouble: Trouble) -> None:
+        """The router has a trouble no more."""
+        self.router.end(trouble)
+        self._check_silence()
+
+    def _check_silence(self) -> None:
+        for link in list(self._links):
+            link._check_silence()
+
+    def lapse(self) -> None:
+        """Every link counts as closed, because the router is gone."""
+        for link in self._links:
+            link.lapsed = True
+        self._announce()
 
     def _subscribe(self, reader: _Reader) -> None:
         self._readers.append(reader)
@@ -71,16 +196,48 @@ class MemoryNetwork:
         self._readers = [reader for reader in self._readers if not gone(reader)]
         self._readers_of.clear()
 
+    def _announce(self) -> None:
+        """Tell each watcher which tokens have come and gone."""
+        for watcher in self._watchers:
+            self._show(watcher)
+
+    def _show(self, watcher: _Watcher) -> None:
+        there = {
+            key: None
+            for key, link in self._tokens
+            # Two processes may declare the same token: it is gone when both are.
+            if matches(watcher.expression, key) and _sees(watcher, key, link)
+        }
+        if watcher.link.silent and not watcher.link.lapsed:
+            there = {**watcher.shown, **there}  # of what goes it does not hear either
+        gone = [(key, False) for key in watcher.shown if key not in there]
+        come = [(key, True) for key in there if key not in watcher.shown]
+        for news in (*gone, *come):
+            deliver = partial(watcher.hear, *news)
+            if watcher.link.lapsed:
+                watcher.link.receive(deliver)  # its own end of the link reports that it is closed
+            else:
+                self.carry(None, watcher.link, deliver, reliable=True)
+        watcher.shown = there
+
+
+def _sees(watcher: _Watcher, key: str, link: MemoryLink) -> bool:
+    """Whether a link's token is shown to a watcher: silence shows no change until the lease has run out."""
+    if link is watcher.link:
+        return True
+    if link.lapsed or watcher.link.lapsed:
+        return False
+    return key in watcher.shown if link.silent or watcher.link.silent else True
+
 
 @dataclass(slots=True)
 class _Question:
     payload: bytes
     encoding: str | None
-    answer: asyncio.Future[bytes]
+    answer: Callable[[bytes], None]
 
     def reply(self, payload: bytes, encoding: str) -> None:
-        if not self.answer.done():
-            self.answer.set_result(payload)
+        self.answer(payload)
 
 
 class _Undo:
@@ -118,63 +275,198 @@ class _Publisher:
 
 
 class MemoryLink:
-    """One process's link to a :class:`MemoryNetwork`."""
+    """One process's link to a :class:`MemoryNetwork`.
 
-    def __init__(self, network: MemoryNetwork) -> None:
+    Args:
+        network: the network.
+        computers: where the process runs.
+        witnesses: what looks at the samples that reach it, by key expression.
+
+    Attributes:
+        closed: whether it has left.
+        way_in: of what others send.
+        way_out: of what it sends.
+        silent: whether nothing passes now.
+        lapsed: whether the router takes it for closed, because it has been silent for the lease.
+    """
+
+    def __init__(self, network: MemoryNetwork, computers: frozenset[str], witnesses: Mapping[str, Witness]) -> None:
         self.network = network
+        self.computers = computers
         self.closed = False
+        self.silent = False
+        self.lapsed = False
+        self.way_in, self.way_out = Way(network._settle), Way(network._settle)
+        self._witnesses = witnesses
+        self._context = contextvars.copy_context()
+        self._backlog: list[Deliver] | None = None  # of a frozen process
+        self._silences = 0
+
+    @property
+    def calm(self) -> bool:
+        """Whether everything passes at once."""
+        return self.way_in.calm and self.way_out.calm and self._backlog is None
+
+    def is_near(self, other: MemoryLink) -> bool:
+        """Whether another link is on the same computer, or the same, so that the router is not between them.
+
+        Args:
+            other: the other one.
+        """
+        return other is self or not self.computers.isdisjoint(other.computers)
+
+    # ---- troubles
+
+    def begin(self, trouble: Trouble, direction: str = "both") -> None:
+        """Have a trouble from now on.
+
+        Args:
+            trouble: which.
+            direction: ``in``, ``out`` or ``both``.
+        """
+        for way in self._ways(direction):
+            way.begin(trouble)
+        self._check_silence()
+
+    def end(self, trouble: Trouble, direction: str = "both") -> None:
+        """Have a trouble no more.
+
+        Args:
+            trouble: which.
+            direction: ``in``, ``out`` or ``both``.
+        """
+        for way in self._ways(direction):
+            way.end(trouble)
+        self._check_silence()
+
+    def _ways(self, direction: str) -> tuple[Way, ...]:
+        return {"in": (self.way_in,), "out": (self.way_out,)}.get(direction, (self.way_in, self.way_out))
+
+    def freeze(self) -> None:
+        """Take nothing from now on, because the process does not run; what comes waits."""
+        self._backlog = self._backlog or []
+        self.network._settle()
+        self._check_silence()
+
+    def thaw(self) -> None:
+        """Take what has come since :meth:`freeze`."""
+        backlog, self._backlog = self._backlog or [], None
+        for deliver in backlog:
+            deliver()
+        self.network._settle()
+        self._check_silence()
+
+    def receive(self, deliver: Deliver) -> None:
+        """Take what has arrived.
+
+        Args:
+            deliver: hands it over.
+        """
+        if self.closed:
+            return
+        if self._backlog is not None:
+            self._backlog.append(deliver)
+        else:
+            deliver()
+
+    def run(self, file: Callable[..., None], *given: object) -> None:
+        """Call into the process whose link this is.
+
+        Args:
+            file: one of its functions.
+            given: passed on.
+        """
+        self._context.copy().run(file, *given)
+
+    def _check_silence(self) -> None:
+        silent = self.way_in.silent or self.way_out.silent or self.network.router.silent or self._backlog is not None
+        if silent is self.silent:
+            return
+        self.silent = silent
+        self._silences += 1
+        if silent:
+            loop = asyncio.get_running_loop()
+            loop.call_later(LEASE, self._lapse, self._silences, context=contextvars.Context())
+            return
+        self.lapsed = False
+        for watcher in self.network._watchers:
+            if watcher.link is self:
+                watcher.shown = dict(watcher.heard)  # news under way may have been lost
+        self.network._announce()
+
+    def _lapse(self, silence: int) -> None:
+        if silence == self._silences and not self.closed:
+            self.lapsed = True
+            self.network._announce()
+
+    # ---- the link
 
     def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
         return _Publisher(self, key, encoding, keep)
 
     def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
-        reader = _Reader(self, key_expr, file)
+        reader = _Reader(self, key_expr, file, self._witnesses.get(key_expr))
         self.network._subscribe(reader)
         if keep:
-            for key, (_, payload, encoding_sent) in self.network._kept.items():
-                if matches(key_expr, key):
-                    file(key, payload, encoding_sent)
+            for key, (publisher, payload, encoding_sent) in self.network._kept.items():
+                if matches(key_expr, key) and not publisher.link.frozen:
+                    self.network.carry(publisher.link, self, partial(file, key, payload, encoding_sent))
         return _Undo(lambda: self.network._unsubscribe(lambda other: other is reader))
+
+    @property
+    def frozen(self) -> bool:
+        """Whether its process does not run."""
+        return self._backlog is not None
 
     def declare_token(self, key: str) -> Closable:
         token = (key, self)
         self.network._tokens.append(token)
-        self._tell(key, True)
+        self.network._announce()
         return _Undo(lambda: self._drop_token(token))
 
     def _drop_token(self, token: tuple[str, MemoryLink]) -> None:
-        tokens = self.network._tokens
-        if token in tokens:
-            tokens.remove(token)
-            # Two processes may declare the same token: it is gone when both are.
-            if all(key != token[0] for key, _ in tokens):
-                self._tell(token[0], False)
-
-    def _tell(self, key: str, there: bool) -> None:
-        for _, expression, file in self.network._watchers:
-            if matches(expression, key):
-                file(key, there)
+        if token in self.network._tokens:
+            self.network._tokens.remove(token)
+            self.network._announce()
 
     def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
-        entry = (self, key_expr, file)
-        self.network._watchers.append(entry)
-        for key, _ in self.network._tokens:
-            if matches(key_expr, key):
-                file(key, True)
-        return _Undo(lambda: self.network._watchers.remove(entry))
+        watcher = _Watcher(self, key_expr, file, {}, {})
+        self.network._watchers.append(watcher)
+        self.network._show(watcher)
+        return _Undo(lambda: self._forget(self.network._watchers, watcher))
+
+    @staticmethod
+    def _forget(entries: list[T], entry: T) -> None:
+        if entry in entries:  # not once the link has left
+            entries.remove(entry)
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         entry = (key, self, file)
         self.network._answers.append(entry)
-        return _Undo(lambda: self.network._answers.remove(entry))
+        return _Undo(lambda: self._forget(self.network._answers, entry))
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
         answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        asked = [file for there, _, file in self.network._answers if there == key]
+        network = self.network
+        asked = [
+            (link, file)
+            for there, link, file in network._answers
+            if there == key and (link is self or not (link.lapsed or self.lapsed))
+        ]
         if not asked:
             return None
-        for file in asked:
-            file(_Question(payload, encoding, answer))
+
+        def take(reply: bytes) -> None:
+            if not answer.done():
+                answer.set_result(reply)
+
+        def carry_back(link: MemoryLink, reply: bytes) -> None:
+            if not link.closed:
+                network.carry(link, self, partial(take, reply))
+
+        for link, file in asked:
+            question = _Question(payload, encoding, partial(carry_back, link))
+            network.carry(self, link, partial(link.run, file, question))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout):
                 return await answer
@@ -182,11 +474,17 @@ class MemoryLink:
 
     async def close(self) -> None:
         """Leave the network, and take along what was kept and declared here, as a killed process would."""
+        self.leave()
+
+    def leave(self) -> None:
+        """The same at once."""
         self.closed = True
         net = self.network
         net._unsubscribe(lambda reader: reader.link is self)
-        net._watchers[:] = [w for w in net._watchers if w[0] is not self]
+        net._watchers[:] = [w for w in net._watchers if w.link is not self]
         net._answers[:] = [a for a in net._answers if a[1] is not self]
         net._kept = {k: v for k, v in net._kept.items() if v[0].link is not self}
-        for token in [token for token in net._tokens if token[1] is self]:
-            self._drop_token(token)
+        net._tokens[:] = [token for token in net._tokens if token[1] is not self]
+        net._links.pop(self, None)
+        net._settle()
+        net._announce()

@@ -10,9 +10,11 @@ from collections.abc import Awaitable, Callable
 from typing import Any, Generic, TypeVar
 
 from muro_zenoh.channels import Role, Verb
-from muro_zenoh.errors import MessageError, MuroError
+from muro_zenoh.errors import MessageError, MuroError, OrderRefused
 from muro_zenoh.messages import Message, Reply, check_encoding, check_size, decode
+from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.link import Question
+from muro_zenoh.transport.pulse import LONGEST_WAIT, Pulse
 from muro_zenoh.transport.received import Counters
 
 log = logging.getLogger(__name__)
@@ -33,6 +35,8 @@ class Orders(Generic[T]):
         send: sends a reply.
         loop: where ``handle`` is called.
         counters: what becomes of the orders.
+        pulse: whether this process was frozen, and an order may be left over from that time.
+        clock: for the time that an order has waited.
     """
 
     def __init__(
@@ -43,6 +47,8 @@ class Orders(Generic[T]):
         send: Callable[[Question, Reply], None],
         loop: asyncio.AbstractEventLoop,
         counters: Counters,
+        pulse: Pulse,
+        clock: Clock,
     ) -> None:
         self._verb = verb
         self._key = key
@@ -50,6 +56,8 @@ class Orders(Generic[T]):
         self._send = send
         self._loop = loop
         self._counters = counters
+        self._pulse = pulse
+        self._now = clock.now
         self._lock = threading.Lock()
         self._waiting = 0
         self._tasks: dict[asyncio.Task[None], None] = {}
@@ -63,7 +71,7 @@ class Orders(Generic[T]):
                 return
             self._waiting += 1
         try:
-            self._loop.call_soon_threadsafe(self._take, question)
+            self._loop.call_soon_threadsafe(self._take, question, self._pulse.paused(), self._now())
         except RuntimeError:
             log.debug("%s: a question came after the loop had closed", self._key)
 
@@ -74,10 +82,14 @@ class Orders(Generic[T]):
             task.cancel()
         return tasks
 
-    def _take(self, question: Question) -> None:
+    def _take(self, question: Question, paused: bool, filed: float) -> None:
         answer: Reply | Awaitable[Reply]
         try:
-            answer = self._handle(self._read(question))
+            order = self._read(question)
+            if (paused or self._now() - filed > LONGEST_WAIT) and not self._verb.at_any_age:
+                self._counters.late += 1
+                raise OrderRefused("the process that takes it was frozen, and the order may be old: give it again")
+            answer = self._handle(order)
         except Exception as error:
             answer = self._refusal(error)
         if inspect.isawaitable(answer):

@@ -11,7 +11,7 @@ from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_lab import Main, agent, basestation, memory_lab, simulator
 
-CAMERA = {"rate": 5}
+CAMERA = {"rate": 10}
 LAB = parse_scenario({"robots": 2, "camera": {"north": CAMERA}}, "lab.toml", name="lab")
 NO_CAMERA = parse_scenario({"robots": 1, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
 BLIND = parse_scenario(  # its camera looks at another floor than the one where the robots are
@@ -48,6 +48,7 @@ BLIND = parse_scenario(  # its camera looks at another floor than the one where 
             (
                 "no stop state received yet: waiting for the base station",
                 "no pose yet: waiting for a camera to see this robot",
+                "no positions of all robots yet: waiting for the base station",
                 "no behaviour yet",
             ),
         ),

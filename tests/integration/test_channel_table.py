@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from agents.agent import Agent
-from agents.simulator import Room
+from agents.distant_floor import DistantFloor
+from agents.simulator import Room, make_camera
 from basestation.station import Station
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
@@ -38,7 +39,8 @@ SETTLED, MEASURED = 3.0, 4.0
 """Virtual time before, and of, the measurement of rates [s]."""
 
 PROCESSES = {
-    "simulator": (Role.SIMULATOR, Role.BASE, Role.CAMERA),
+    "simulator": (Role.SIMULATOR, Role.BASE),
+    "camera": (Role.CAMERA,),
     "basestation": (Role.BASESTATION,),
     "r1": (Role.AGENT,),
     "r2": (Role.AGENT,),
@@ -50,7 +52,7 @@ class RecordingLink(MemoryLink):
     """Records what is actually written and read through it."""
 
     def __init__(self, network: MemoryNetwork) -> None:
-        super().__init__(network)
+        super().__init__(network, frozenset(), {})
         self.written: Counter[str] = Counter()
         self.read: set[str] = set()
 
@@ -91,7 +93,8 @@ class Fleet:
                 buses[name].announce(roles[0], name)
             operator, station = buses["operator"], buses["basestation"]
             mains = [
-                Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor()).run(),
+                Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor(), cameras=()).run(),
+                _north(buses["camera"]),
                 Station(station, LAB, None, cameras_on_bus(station, LAB, InlineExecutor())).run(),
                 *(Agent(buses[name], LAB, name).run() for name in LAB.robots),
                 Collector(operator, LAB).run(),
@@ -131,6 +134,11 @@ class Fleet:
         return (self.links[name] for name, roles in PROCESSES.items() if role in roles)
 
 
+async def _north(bus: Bus) -> None:
+    scene = DistantFloor(bus, LAB.robots)
+    await make_camera(bus, LAB, "north", scene, seed=3, executor=InlineExecutor()).run()
+
+
 @pytest.fixture(scope="module")
 def fleet() -> Fleet:
     fleet = Fleet()
@@ -144,7 +152,7 @@ def table(end: str, *roles: Role) -> set[str]:
     return {word for word, there in parties.items() if {party.role for party in there} & set(roles)}
 
 
-@pytest.mark.parametrize("process", ["simulator", "basestation", "r1"])
+@pytest.mark.parametrize("process", ["simulator", "camera", "basestation", "r1"])
 def test_a_process_writes_and_reads_what_the_table_says(fleet: Fleet, process: str) -> None:
     roles = PROCESSES[process]
     assert fleet.writing(roles[0]) == table("writers", *roles)

@@ -46,7 +46,7 @@ async def test_an_operators_goals_are_answered_reached_and_replaced() -> None:
         assert not refusal.accepted
         assert "outside the arena" in refusal.reason
         # It would have to come out of the corner.
-        refusal = await order(operator, Goal(x=1.92, y=1.32, theta=-2.4))
+        refusal = await order(operator, Goal(x=1.9, y=1.3, theta=-2.4))
         assert not refusal.accepted
         assert "leaves the arena" in refusal.reason
         await fleet.until(stands_at(fleet, -0.6, -0.4), 40, "it is at the goal that moved")
@@ -117,11 +117,9 @@ async def test_a_robot_that_is_carried_away_plans_again() -> None:
 
 @virtual
 async def test_an_unreachable_goal_of_the_list_is_reported_and_skipped() -> None:
-    goals = ((1.92, 1.32, -2.4), (0.5, 0.3))
+    goals = ((1.9, 1.3, -2.4), (0.5, 0.3))
     async with memory_fleet(scenario(1, "dubins", goals=goals, pause=1.0)) as fleet:
-        await fleet.until(
-            lambda: fleet.holds("r1", "goal (1.92, 1.32) given up: path from"), 3, "it reports the reason"
-        )
+        await fleet.until(lambda: fleet.holds("r1", "goal (1.9, 1.3) given up: path from"), 3, "it reports the reason")
         await fleet.until(stands_at(fleet, 0.5, 0.3), 60, "it is at the next")
 
 

@@ -35,6 +35,7 @@ async def fleet(tmp_path: Path) -> AsyncIterator[RealFleet]:
 
 async def test_behaviours_of_users(fleet: RealFleet) -> None:
     await _a_frozen_agent_is_no_runaway(fleet)
+    await _a_frozen_base_station_stops_all(fleet)
     await _a_foreign_program_says_the_speed(fleet)
     await _an_unknown_behaviour_stops_the_robot(fleet)
     await _the_flock_is_three_processes(fleet)
@@ -46,6 +47,22 @@ async def _a_frozen_agent_is_no_runaway(fleet: RealFleet) -> None:
     await fleet.throughout(lambda: fleet.stationary("r1"), 0.5, "r1 is stationary")
     fleet.process["r1"].send(signal.SIGCONT)
     await fleet.until(lambda: fleet.driving("r1"), 5, "r1 drives again")
+
+
+async def _a_frozen_base_station_stops_all(fleet: RealFleet) -> None:
+    fleet.process["basestation"].send(signal.SIGSTOP)
+    await fleet.until(lambda: fleet.stationary() and fleet.holds("r1", "no pose for"), 5, "no poses, nobody drives")
+    poses = fleet.bus.every(channels.POSE, "*", depth=1024)
+    await fleet.throughout(fleet.stationary, 1.0, "pictures pile up")
+    thawed = fleet.bus.clock.now()
+    fleet.process["basestation"].send(signal.SIGCONT)
+    await fleet.until(fleet.driving, 5, "all drive again")
+    # Of the pictures that piled up those are used that are not stale, each at its own time of capture.
+    fixes = [pose.message for pose in poses.drain()]
+    captured = [fix.stamp - fix.age for fix in fixes if fix.stamp > thawed]  # one may have been on its way to the wire
+    assert captured
+    assert min(captured) > thawed - channels.CAMERA.stale_after - 0.1
+    poses.close()
 
 
 async def _a_foreign_program_says_the_speed(fleet: RealFleet) -> None:
@@ -152,8 +169,13 @@ async def test_a_robot_that_does_not_confirm_a_stop_is_named(fleet: RealFleet) -
     # Its lease may be over by the time that it was waited for.
     assert "r2: DOES NOT CONFIRM\n" in order.stdout or "r2: is not alive" in order.stdout
     await fleet.until(fleet.stationary, 5, "all stand, r2 by its dead-man")
+    fleet.commands()
+    thawed = fleet.bus.clock.now()
     fleet.process["r2"].send(signal.SIGCONT)
     await fleet.until(lambda: fleet.health["r2"].stop_latched, 5, "r2 hears of it")
+    woken = [c.message for c in fleet.commands() if c.name == "r2" and c.message.stamp > thawed]
+    assert woken
+    assert not any((command.v, command.omega) != (0.0, 0.0) for command in woken), "it drove before it knew of the stop"
     await fleet.throughout(lambda: fleet.stationary("r2"), 1.0, "r2 stands on")
     order = fleet.muro("stop")
     assert order.returncode == 0, order.stdout + order.stderr

@@ -16,6 +16,7 @@ import pytest
 
 from muro_zenoh.config import find_scenario
 from muro_zenoh.supervision import launch
+from muro_zenoh.supervision.faults import Links
 from muro_zenoh.supervision.supervisor import Supervisor
 from tests.support.process import Process
 from tests.support.waiting import seconds, within
@@ -75,7 +76,7 @@ def test_a_run_leaves_its_score_sheet_its_settings_and_its_logs_and_no_process()
     assert json.loads((folder() / "report.json").read_text()) == sheet
     assert re.fullmatch(r"\d{8}-\d{6}-hold", folder().name)
     logs = {path.name for path in folder().glob("*.log")}
-    assert logs == {"router.log", "simulator.log", "basestation.log", "r1.log", "r2.log"}
+    assert logs == {"router.log", "simulator.log", "basestation.log", "r1.log", "r2.log", "muro.log"}
     assert (sheet["scenario"], sheet["robots"], sheet["seed"], sheet["duration_s"]) == ("hold", 2, 7, 3.0)
     assert (sheet["ended"], sheet["restarts"], sheet["passed"]) == ("duration", 0, None)
     assert set(sheet["processes"]) == {"router", "simulator", "basestation", "r1", "r2", "muro"}
@@ -126,9 +127,10 @@ async def test_another_port_is_chosen_when_one_is_taken_between_check_and_start(
             return port if len(looked) == 1 else free_port(port)
 
         monkeypatch.setattr(launch, "free_port", too_early)
-        async with Supervisor(tmp_path, messages.append) as supervisor:
-            scenario = find_scenario("hold", 1)
-            connected, starting = await within(20, launch.start_all(supervisor, scenario, 1, tmp_path), "a router")
+        scenario = find_scenario("hold", 1)
+        async with Links(scenario, 1) as links, Supervisor(tmp_path, messages.append) as supervisor:
+            starting_all = launch.start_all(supervisor, scenario, 1, tmp_path, links)
+            connected, starting = await within(20, starting_all, "a router")
             await within(20, starting, "a fleet")
             assert [child.spec.name for child in supervisor.children] == ["router", "simulator", "basestation", "r1"]
             assert all(child.ready.is_set() for child in supervisor.children)

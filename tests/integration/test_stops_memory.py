@@ -201,6 +201,7 @@ def test_a_silent_behaviour_times_out_after_its_intent_and_one_repetition(own: N
     async def main() -> None:
         async with memory_fleet(scenario(1, "hold")) as fleet:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 2, "it holds")
+            await asyncio.sleep(2.0)  # until it has heard where the others are
             commands = await commands_of(fleet)
             await fleet.order(channels.SET_BEHAVIOUR, SetBehaviour(behaviour="lab_stops:once"))
             await asyncio.sleep(2.0)
@@ -244,12 +245,13 @@ def test_a_foreign_programs_estimates_do_not_reach_a_behaviour(own: None) -> Non
                 await asyncio.sleep(0.01)
             assert len(seen) >= 19
             assert {estimate.epoch for estimate in seen}.isdisjoint({stranger.epoch})
-            assert min(c.message.v for c in commands.drain()) > 0.0
+            # It would back off from (9, 9); to the base station the two estimates disagree, so it may stand meanwhile.
+            assert min(c.message.v for c in commands.drain()) >= 0.0
 
     run_virtually(main())
 
 
-def test_a_robot_whose_poses_end_is_commanded_zero_0_4_s_after_the_last_capture() -> None:
+def test_a_robot_whose_poses_end_is_commanded_zero_0_25_s_after_the_last_capture() -> None:
     async def main() -> None:
         async with driving() as fleet:
             fixes = (await fleet.bus()).every(channels.POSE, "r1", depth=1024)
@@ -258,6 +260,6 @@ def test_a_robot_whose_poses_end_is_commanded_zero_0_4_s_after_the_last_capture(
             await asyncio.sleep(1.0)
             captured = max(f.message.stamp - f.message.age for f in fixes.drain())
             driven = [c.message.stamp - captured for c in commands.drain() if c.message.v]
-            assert 0.4 - 0.075 - 0.01 < driven[-1] <= 0.4
+            assert 0.25 - 0.075 - 0.01 < driven[-1] <= 0.25
 
     run_virtually(main())

@@ -22,22 +22,6 @@ Main = Callable[[Bus, Scenario], Awaitable[None]]
 """The main task of a process."""
 
 
-class OffsetClock:
-    """A clock that is off by so much, and may be set.
-
-    Args:
-        offset: what it shows too much [s].
-    """
-
-    def __init__(self, offset: float = 0.0) -> None:
-        self.offset = offset
-        self._clock = VirtualClock()
-
-    def now(self) -> float:
-        """Seconds since 1970."""
-        return self._clock.now() + self.offset
-
-
 def agent(name: str) -> Main:
     """An agent's process.
 

@@ -8,6 +8,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import msgpack
+import msgspec
 
 from muro_zenoh import channels
 from muro_zenoh.messages import Clear, Goal, Message, Resume, SetBehaviour, SetCircle, Stop, encode, encoding_of
@@ -30,6 +31,10 @@ _ORDERS: tuple[tuple[channels.Verb[Any], str, Message], ...] = (
 )
 
 
+_NAMES = {"robot": "r1", "camera": "north", "process": "basestation", "": ""}
+"""Whose messages are made of nothing, when none of the kind has been heard."""
+
+
 class Sent(NamedTuple):
     """Bytes to be put on a key, or to be asked there."""
 
@@ -48,15 +53,23 @@ class Stranger:
 
     Attributes:
         made: how many messages of each mutation.
+        sent: how many messages to each channel and order, by ``camera``, ``order goal`` and so on.
     """
 
     def __init__(self, seed: int, realm: str = "muro") -> None:
         self.made: Counter[str] = Counter()
+        self.sent: Counter[str] = Counter()
         self._random = random.Random(seed)
-        self._heard: dict[str, tuple[bytes, str | None]] = {}
+        self._heard: dict[str, tuple[bytes, str | None]] = {
+            channels.key_of(realm, channel, _NAMES[channel.named]): (example(channel.kind), encoding_of(channel.kind))
+            for channel in channels.CHANNELS
+        }
+        self._realm = realm
+        good = {verb: (name, encode(order)) for verb, name, order in _ORDERS}
         self._orders = [
-            (channels.verb_key(realm, verb, name), encode(order), encoding_of(verb.kind))
-            for verb, name, order in _ORDERS
+            (f"order {verb.word}", channels.verb_key(realm, verb, name), payload, encoding_of(verb.kind))
+            for verb in channels.VERBS
+            for name, payload in [good.get(verb, (_NAMES[verb.named], example(verb.kind)))]
         ]
         self._mutations = (
             self._flip,
@@ -85,14 +98,16 @@ class Stranger:
         choose = self._random
         is_order = choose.random() < 0.05
         if is_order:
-            key, payload, encoding = choose.choice(self._orders)
+            to, key, payload, encoding = choose.choice(self._orders)
         else:
             key = choose.choice(self.keys)
+            to = key[len(self._realm) + 1 :].partition("/")[0]
             payload, encoding = self._heard[key]
             if len(payload) > _LARGE and choose.random() > 0.05:
                 return self.next()  # pictures would fill the link, and little else would be tried
         mutation = choose.choice(self._mutations)
         self.made[mutation.__name__.strip("_")] += 1
+        self.sent[to] += 1
         payload, encoding = mutation(payload, encoding)
         return Sent(key, payload, encoding, is_order)
 
@@ -153,6 +168,36 @@ class Stranger:
         holder[key] = self._random.choice(_HUGE if is_whole and self._random.random() < 0.8 else _ABSURD)
         packed: bytes = msgpack.packb(fields)
         return packed
+
+
+def example(kind: type[Message]) -> bytes:
+    """Some message of a kind, made of its declaration.
+
+    Args:
+        kind: which.
+    """
+    info: Any = msgspec.inspect.type_info(kind)
+    fields = {field.name: _value(field.type) for field in info.fields}
+    packed: bytes = msgpack.packb({**fields, "stamp": 1.7e9, "seq": 1, "epoch": 1})
+    return packed
+
+
+def _value(kind: Any) -> Any:
+    match kind:
+        case msgspec.inspect.LiteralType():
+            return kind.values[0]
+        case msgspec.inspect.UnionType():
+            return _value(kind.types[0])
+        case msgspec.inspect.StructType():
+            return {field.name: _value(field.type) for field in kind.fields}
+        case msgspec.inspect.TupleType():
+            return [_value(item) for item in kind.item_types]
+        case msgspec.inspect.VarTupleType() | msgspec.inspect.ListType():
+            return [_value(kind.item_type)] * (kind.min_length or 1)
+        case msgspec.inspect.DictType():
+            return {}
+    plain = {"FloatType": 1.0, "IntType": 1, "StrType": "r1", "BoolType": False, "BytesType": b"1", "NoneType": None}
+    return plain.get(type(kind).__name__)
 
 
 def _with(payload: bytes, **changed: Any) -> bytes:

@@ -13,6 +13,7 @@ import msgspec
 import pytest
 import pytest_asyncio
 
+from agents import simulator
 from agents.base import run
 from agents.base.base import DEAD_MAN, Base
 from agents.base.run import run_base, run_base_process, run_bases
@@ -22,7 +23,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
-from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
+from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, MemoryNetwork, Received, make_bus
 from muro_zenoh.transport.mailboxes import Every
 from tests.support.clock import ManualClock
@@ -572,6 +573,30 @@ class TestTheProcess:
         assert opened == [self.LAB.bus, Role.BASE]
         assert made[:2] == ["simulated", self.LAB.robot["r2"]]
         assert len(made) == 3
+
+
+async def test_processes_give_their_bases_the_limit_of_the_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = parse_scenario(
+        {"robots": 1, "timeouts": {"command": 0.7}, "separation": {"enabled": False}}, "lab.toml", name="lab"
+    )
+    given: list[object] = []
+
+    async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float) -> None:
+        given.append(dead_man)
+
+    monkeypatch.setattr(run, "run_bases", run_them)
+    monkeypatch.setattr(run, "open_bus", lambda *_: make_bus(MemoryNetwork().link(), roles=[Role.BASE]))
+    await run_base_process(lab, "r1")
+    monkeypatch.setattr(simulator, "run_bases", run_them)
+    async with make_bus(MemoryNetwork().link()) as bus:
+        room = simulator.Room(bus, lab, 1, InlineExecutor())
+        assert room.floor._watchdog == 0.7
+        task = asyncio.create_task(room.run())
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.wait({task})
+    assert given == [0.7, 0.7]
 
 
 class TestClocksThatMakeNoSense:

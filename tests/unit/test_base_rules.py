@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agents.base.base import Base
+from agents.base.base import DEAD_MAN, Base
 from muro_zenoh.messages import BaseState, Odometry, VelocityCommand
 from muro_zenoh.transport import Received
 from tests.unit.test_base import Wheels
@@ -15,9 +15,9 @@ T0 = 1000.0
 class Driven:
     """A base at rest, its wheels, and what it last set them to."""
 
-    def __init__(self) -> None:
+    def __init__(self, dead_man: float = DEAD_MAN) -> None:
         self.wheels = Wheels()
-        self.base = Base("r1", self.wheels)
+        self.base = Base("r1", self.wheels, dead_man)
 
     def obey(
         self, at: float, v: float = 0.2, *, late: float = 0.0, epoch: int = 7, seq: int = 0
@@ -46,6 +46,26 @@ def test_a_new_base_has_commanded_nothing_and_zeroes_at_its_first_beat() -> None
 @pytest.mark.parametrize(("late", "obeyed"), [(0.0, True), (0.29, True), (0.31, False), (3.0, False)])
 def test_a_command_is_obeyed_that_is_no_older_than_0_3_s(late: float, obeyed: bool) -> None:
     assert Driven().obey(0.0, late=late) == (DRIVING if obeyed else None)
+
+
+def test_how_old_a_command_may_be_is_a_setting(caplog: pytest.LogCaptureFixture) -> None:
+    driven = Driven(dead_man=0.5)
+    assert driven.obey(0.0, late=0.51) is None
+    assert driven.obey(0.0, late=0.49) == DRIVING
+    assert driven.beat(0.009) == DRIVING
+    assert driven.beat(0.011) == STILL
+    assert caplog.messages[-1] == "r1: no fresh command for 0.5 s, wheels at zero"
+
+
+def test_a_base_that_was_frozen_obeys_nothing_of_before_or_meanwhile() -> None:
+    driven = Driven()
+    driven.obey(0.0)
+    before = Received("r1", VelocityCommand(v=0.3, omega=0.1, epoch=7), T0 + 0.05, 0.0, 0.0)  # filed, and not yet read
+    driven.base.obey(before, T0 + 20.0)
+    assert driven.beat(20.0) == STILL
+    for waited in (19.0, 5.0, 0.31):  # what has waited in the link until now
+        assert driven.obey(20.0, 0.3, late=waited) == STILL
+    assert driven.obey(20.01, 0.3) == (0.3, 0.1)
 
 
 def test_what_waited_for_its_reader_is_older_by_that() -> None:

@@ -83,7 +83,7 @@ def test_the_base_station_refuses_what_no_robot_can_run(
 ) -> None:
     async def main() -> None:
         async with memory_fleet(scenario(1, "circle")) as fleet:
-            await asyncio.sleep(1.0)
+            await fleet.until(lambda: bool(fleet.driving), 5, "it drives")
             result = await order(fleet, behaviour, **parameters)
             assert not result.reply.accepted
             assert result.reply.reason.startswith(f"behaviour.{reason}")

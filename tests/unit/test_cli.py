@@ -18,7 +18,7 @@ import muro_zenoh
 from muro_zenoh.cli.main import main
 from muro_zenoh.cli.options import assignments, override_bus, toml_value
 from muro_zenoh.cli.payloads import full_key, shown, type_of
-from muro_zenoh.config import PROCESSES, BusSettings, built_in_scenarios, find_scenario, load_scenario
+from muro_zenoh.config import PROCESSES, BusSettings, built_in_scenarios, find_scenario, load_scenario, parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.supervision.folder import make_run_folder, write_scenario
 from muro_zenoh.supervision.launch import fleet_specs, free_port, router_spec
@@ -142,7 +142,7 @@ def test_a_wrong_setting(given: str, said: str) -> None:
     [
         (["run"], "Missing argument 'SCENARIO'"),
         (["run", "pursuit", "--robots", "0"], "0 is not in the range x>=1"),
-        (["run", "pursuit", "--robots", "40"], "At most 14 robots fit"),
+        (["run", "pursuit", "--robots", "40"], "At most 12 robots fit"),
         (["run", "pursuit", "--duration", "0"], "not in the range x>0"),
         (
             ["run", "pursuit", "--report", "nowhere/r.json"],
@@ -241,12 +241,17 @@ def test_a_built_in_scenario_goes_to_the_processes_as_it_is(name: str, tmp_path:
     assert load_scenario(write_scenario(scenario, tmp_path), name=name) == scenario
 
 
+SHAKY_CAMERA = {"kind": "freeze", "target": "camera/north"}
+
+
 def test_every_process_of_a_run_is_started_by_a_command_that_parses(tmp_path: Path) -> None:
     scenario = find_scenario("pursuit", 2)
     file = write_scenario(scenario, tmp_path)
-    specs = [router_spec(file), *fleet_specs(scenario, file, 7, tmp_path)]
+    specs = [router_spec(file), *fleet_specs(scenario, file, 7, tmp_path, {"r2": "tcp/127.0.0.1:1"})]
     assert [spec.name for spec in specs] == ["router", "simulator", "basestation", "r1", "r2"]
     assert {"muro", *(spec.name for spec in specs)} == {*PROCESSES, "r1", "r2"}, "a robot could have its name"
+    shaky = parse_scenario({"robots": 1, "camera": {"north": {}}, "fault": [SHAKY_CAMERA]}, "lab.toml", name="lab")
+    specs += fleet_specs(shaky, file, 7, tmp_path, {})
     context = click.Context(main, info_name="muro")
     for spec in specs:
         python, flags, (word, *words) = spec.command[0], spec.command[1:4], spec.command[4:]

@@ -14,6 +14,7 @@ import pytest_asyncio
 from muro_zenoh import channels, geometry
 from muro_zenoh.config import find_scenario
 from muro_zenoh.messages import (
+    BaseState,
     Calibration,
     Circle,
     FleetSnapshot,
@@ -269,6 +270,28 @@ async def test_the_operator_s_view(lab: Lab) -> None:
     assert view.radius_error == pytest.approx(0.1)
     assert view.spacing_error == pytest.approx(1.5708, abs=1e-4)
     assert view.restarts == 3
+
+
+async def test_a_frozen_agent_or_base_does_not_count_as_driving(lab: Lab) -> None:
+    async def base(dead_man: bool) -> None:
+        state = BaseState(battery=1.0, charging=False, bumper=False, cliff=False, wheel_drop=False, dead_man=dead_man)
+        lab.bus("base").publisher(channels.BASE, "r1").put(state)
+        await lab.settle()
+
+    await lab.health("r1")
+    await lab.health("r2", note="keeps clear of r1")
+    r1, r2 = view_of(lab.collector, SCENARIO, 0).rows
+    assert r1.driving
+    assert (r2.driving, r2.note) == (True, "keeps clear of r1")
+    await base(dead_man=False)
+    assert view_of(lab.collector, SCENARIO, 0).driving == 2
+    await base(dead_man=True)  # its agent has just been frozen, and has reported nothing else
+    r1, _ = view_of(lab.collector, SCENARIO, 0).rows
+    assert (r1.driving, r1.reasons) == (False, "its base receives no commands")
+    await base(dead_man=False)
+    lab.clock.advance(channels.BASE.stale_after + 0.01)
+    r1, _ = view_of(lab.collector, SCENARIO, 0).rows
+    assert (r1.driving, r1.reasons) == (False, "its base is silent")
 
 
 async def test_a_robot_whose_agent_no_longer_reports_does_not_count_as_driving(lab: Lab) -> None:

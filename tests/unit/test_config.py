@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from muro_zenoh import channels
 from muro_zenoh.config import (
+    TIMEOUTS,
     BehaviourSettings,
     Checks,
     RobotSettings,
     Scenario,
     Section,
+    Timeouts,
     as_table,
     load_scenario,
     parameters_as,
@@ -235,6 +238,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"bus": {"lease": 0.01}},
         "lab.toml: bus.lease: got 0.01 (number), expected a number at least 0.2 and at most 60 [s]",
     ),
+    *(
+        ({"timeouts": {key: 0.05}}, f"lab.toml: timeouts.{key}: got 0.05 (number), expected a number at least 0.1")
+        for key in ("command", "pose", "snapshot")
+    ),
+    (
+        {"timeouts": {"command": 3}},
+        "lab.toml: timeouts.command: got 3 (integer), expected a number at least 0.1 and at most 1 [s]",
+    ),
     ({"duration": 0}, "lab.toml: duration: got 0 (integer), expected a number above 0"),
     ({"behaviour": {"name": 3}}, "lab.toml: behaviour.name: got 3 (integer), expected text"),
     ({"behaviour": {"name": "circle", "when": {"x": 1}}}, "lab.toml: behaviour.when: got {'x': 1} (table)"),
@@ -270,16 +281,16 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
-        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.823 m, so that robots of 0.177 m radius",
+        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.803 m, so that robots stay inside the arena, 0.197 m",
     ),
     "a circle whose centre is outside": (
         {"arena": SMALL, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.5, "x": 4.0}},
         "lab.toml: circle.radius: got 0.5 m around (4, 0), expected at most 0 m",
     ),
     "too many robots for the circle": (
-        {"robots": 15, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
-        "lab.toml: circle.radius: got 15 robots on a circle of 0.8 m, 0.333 m apart, expected at least 0.354 m between "
-        "their centres. At most 14 robots fit on it; 15 robots need a radius of 0.86 m.",
+        {"robots": 13, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}},
+        "lab.toml: circle.radius: got 13 robots on a circle of 0.8 m, 0.383 m apart, expected at least 0.4 m between "
+        "their centres. At most 12 robots fit on it; 13 robots need a radius of 0.84 m.",
     ),
     "pixels without metres": (
         {"camera": {"north": {"pixels": PIXELS}}},
@@ -289,11 +300,24 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
         {"camera": {"north": {"pixels": [*PIXELS, [5.0, 5.0]], "metres": PIXELS}}},
         "lab.toml: camera.north.metres: got 4 points, expected as many as pixels has: 5",
     ),
+    "a camera too slow for the age that a pose may have": (
+        {"robots": 1, "camera": {"north": {"rate": 5.0}}},
+        "lab.toml: timeouts.pose: got 0.25 [s], expected at least 0.45: the frames of camera north are 0.05 s old, 0.2 s "
+        "apart, and one may be lost",
+    ),
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
-        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.923 to 1.923, "
-        "y -1.323 to 1.323 m, 0.177 m inside the border",
+        "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.903 to 1.903, "
+        "y -1.303 to 1.303 m, 0.197 m inside the border",
+    ),
+    "two last goals that two robots cannot both stand at": (
+        {"robots": 3, "goals": {"r1": [[0.0, 0.0], [1.0, 0.0]], "r2": [[1.0, 0.0], [0.0, 1.0]], "r3": [[0.7, 0.2]]}},
+        "lab.toml: goals.r3: got a last goal 0.361 m from that of r1, expected at least 0.4 m between the centres",
+    ),
+    "a certificate for less time than the wheels may follow a command": (
+        {"robots": 1, "timeouts": {"command": 0.5}},
+        "lab.toml: separation.hold: got 0.35 [s], expected at least 0.55: timeouts.command, and one period of 0.05 s",
     ),
 }
 
@@ -305,11 +329,35 @@ def test_what_is_impossible_is_refused_before_anything_starts(what: str) -> None
         parse(table)
 
 
+def test_a_slower_camera_needs_poses_that_may_be_older() -> None:
+    table = {"robots": 1, "camera": {"north": {"rate": 5.0}}}
+    assert parse({**table, "timeouts": {"pose": 0.45}}).timeouts == Timeouts(pose=0.45)
+
+
+def test_the_limits_of_age_have_one_default() -> None:
+    assert (TIMEOUTS.command, TIMEOUTS.pose, TIMEOUTS.snapshot) == (0.3, 0.25, 0.5)
+    assert channels.CMD_VEL.stale_after == TIMEOUTS.command
+    assert channels.POSE.stale_after == TIMEOUTS.pose
+    assert channels.ALL_POSITIONS.stale_after == TIMEOUTS.snapshot
+
+
 def test_as_many_robots_as_the_error_allows_do_fit() -> None:
-    table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}}
-    assert len(parse(table, robots=14).robot) == 14
-    with pytest.raises(ConfigError, match="At most 14"):
+    for name in ("pursuit", "circle"):
+        table = {"behaviour": {"name": name}, "circle": {"radius": 0.8}}
+        assert len(parse(table, robots=12).robot) == 12
+        with pytest.raises(ConfigError, match="At most 12"):
+            parse(table, robots=13)
+
+
+def test_where_the_filter_is_off_only_the_bodies_need_room() -> None:
+    table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}, "separation": {"enabled": False}}
+    assert len(parse({**table, "timeouts": {"command": 0.5}}, robots=14).robot) == 14
+    with pytest.raises(ConfigError, match="at least 0.354 m between their centres. At most 14"):
         parse(table, robots=15)
+    goals = {"r1": [[0.0, 0.0]], "r2": [[0.36, 0.0]]}
+    assert parse({**table, "goals": goals}, robots=2).goals
+    with pytest.raises(ConfigError, match=r"goals\.r2"):
+        parse({"goals": goals}, robots=2)
 
 
 @pytest.mark.parametrize(

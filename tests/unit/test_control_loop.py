@@ -12,7 +12,7 @@ from agents.control_loop import ControlLoop, Outgoing, Surroundings
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, ShownCell, Snapshot, hold
 from muro_zenoh.channels import Channel
-from muro_zenoh.config import parse_scenario
+from muro_zenoh.config import Timeouts, parse_scenario
 from muro_zenoh.estimation.pose_filter import PoseEstimate
 from muro_zenoh.geometry import Circle, Pose2, State, Twist2
 from muro_zenoh.messages import (
@@ -56,8 +56,8 @@ def free(behaviour: Behaviour | None = None) -> ControlLoop:
     return loop
 
 
-@pytest.mark.parametrize(("age", "drives"), [(0.05, True), (0.39, True), (0.41, False), (0.54, False), (60.0, False)])
-def test_a_pose_is_used_for_0_4_s_from_its_capture(age: float, drives: bool) -> None:
+@pytest.mark.parametrize(("age", "drives"), [(0.05, True), (0.24, True), (0.26, False), (0.34, False), (0.5, False)])
+def test_a_pose_is_used_for_0_25_s_from_its_capture(age: float, drives: bool) -> None:
     loop = free(Forward())
     (command,) = commands(loop.update(T0 + age, [], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
@@ -67,16 +67,84 @@ def test_a_pose_is_used_for_0_4_s_from_its_capture(age: float, drives: bool) -> 
 def test_the_age_of_a_pose_counts_from_its_capture_and_not_from_its_arrival() -> None:
     loop = free(Forward())
     captured = T0 + 0.01
-    assert commands(loop.update(captured + 0.39, [(captured, fix(0.39))], [], NOTHING)) != [(0.0, 0.0)]
+    assert commands(loop.update(captured + 0.24, [(captured, fix(0.24))], [], NOTHING)) != [(0.0, 0.0)]
     loop = free(Forward())
-    assert commands(loop.update(captured + 0.41, [(captured, fix(0.41))], [], NOTHING)) == [(0.0, 0.0)]
+    assert commands(loop.update(captured + 0.26, [(captured, fix(0.26))], [], NOTHING)) == [(0.0, 0.0)]
+
+
+def test_how_old_a_pose_may_be_and_when_a_command_is_repeated_are_settings() -> None:
+    loop = ControlLoop("r1", ROBOT, Timeouts(pose=0.5, command=0.6))
+    loop.take_stop(T0, StopOrder(all=False, revision=5))
+    loop.behave(Forward())
+    loop.update(T0, [(T0, fix())], [], NOTHING)
+    assert commands(loop.update(T0 + 0.49, [], [], NOTHING)) != [(0.0, 0.0)]
+    assert commands(loop.update(T0 + 0.51, [], [], NOTHING)) == [(0.0, 0.0)]
+    loop.behave(None)
+    assert [len(commands(loop.update(T0 + t, [], [], NOTHING))) for t in (0.7, 0.72)] == [0, 1]
+    assert loop.tracking.filter._settings.command_timeout == 0.6
+
+
+# ---- after a pause
+
+
+def woken(pause: float, behaviour: Behaviour | None = None) -> ControlLoop:
+    """A loop that drove at T0, was not updated for a while, and has a fresh pose again."""
+    loop, _ = converged(behaviour or Recorder())
+    loop.update(T0, [], [], NOTHING)
+    loop.update(T0 + pause, [], [], NOTHING)
+    return loop
+
+
+@pytest.mark.parametrize(("pause", "waits"), [(0.075, False), (0.49, False), (0.51, True), (3600.0, True)])
+def test_a_process_that_was_frozen_drives_by_nothing_before_it_knows_the_stop_state(pause: float, waits: bool) -> None:
+    loop = woken(pause)
+    for k in range(1, 5):
+        (command,) = commands(loop.update(T0 + pause + 0.1 * k, [], [], NOTHING))
+        assert (command == (0.0, 0.0)) == waits
+    assert loop.reasons == (
+        (f"no stop state since a pause of {pause:.1f} s: waiting for the base station",) if waits else ()
+    )
+
+
+@pytest.mark.parametrize(
+    ("age", "revision", "drives"),
+    [
+        (0.0, 5, True),
+        (0.5, 5, True),
+        (0.51, 5, False),
+        (3.0, 5, False),
+        (0.0, 0, False),
+        (0.0, 4, False),
+        (0.0, 6, True),
+    ],
+)
+def test_only_todays_stop_state_ends_the_wait_after_a_pause(age: float, revision: int, drives: bool) -> None:
+    loop = woken(10.0)
+    loop.take_stop(T0 + 10.0, StopOrder(all=False, names=("r2",), revision=revision), age)
+    (command,) = commands(loop.update(T0 + 10.05, [], [], NOTHING))
+    assert (command != (0.0, 0.0)) == drives
+
+
+def test_a_stop_that_was_given_during_a_pause_holds_however_late_it_comes() -> None:
+    loop = woken(10.0)
+    assert commands(loop.take_stop(T0 + 10.0, StopOrder(all=True, revision=6), 9.0)) == [(0.0, 0.0)]
+    assert loop.reasons == ("stopped by order (all robots)",)
+
+
+def test_an_intent_of_before_a_pause_is_not_driven_by_after_it() -> None:
+    loop, _ = converged()
+    loop.update(T0, [], [], NOTHING)
+    loop.want(T0, FORWARD)
+    loop.update(T0 + 0.4, [], [], NOTHING)
+    assert loop.reasons == ("no command from the behaviour",)
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(0.15, True), (0.24, True), (0.26, False), (0.35, False)])
 def test_an_intent_is_used_for_0_25_s(silent: float, drives: bool) -> None:
-    loop = free()
-    assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.2, 0.0), abs=0.01)]
-    (command,) = commands(loop.update(T0 + silent, [(T0 + silent, fix())], [], NOTHING))
+    loop, _ = converged()
+    loop.update(T0, [], [], NOTHING)
+    assert commands(loop.want(T0, FORWARD)) == [pytest.approx((0.25, 0.0))]
+    (command,) = commands(loop.update(T0 + silent, [], [], NOTHING))
     assert (command != (0.0, 0.0)) == drives
     assert loop.reasons == (() if drives else ("no command from the behaviour",))
 
@@ -182,7 +250,7 @@ class Recorder(Behaviour):
 def converged(behaviour: Behaviour | None = None) -> tuple[ControlLoop, Filter]:
     """A loop that may drive, with a filter that has converged."""
     loop, pose_filter = ControlLoop("r1", ROBOT), Filter()
-    loop._filter = pose_filter  # type: ignore[assignment]
+    loop.tracking.filter = pose_filter  # type: ignore[assignment]
     loop.take_stop(T0, StopOrder(all=False, revision=5))
     loop.behave(behaviour)
     return loop, pose_filter
@@ -195,14 +263,14 @@ def of(channel: Channel[Any], out: Outgoing) -> list[Any]:
 
 def test_a_new_loop_has_nothing_to_report() -> None:
     loop = ControlLoop("r1", ROBOT)
-    assert (loop.reasons, loop.seen, loop.changed, loop.fixes, loop.commands) == ((), None, False, 0, 0)
+    assert (loop.reasons, loop.seen, loop.changed, loop.tracking.fixes, loop.commands) == ((), None, False, 0, 0)
 
 
 def test_a_robot_whose_behaviour_has_said_nothing_says_so() -> None:
     loop = free()
-    loop.update(T0 + 1.0, [(T0 + 1.0, fix())], [], NOTHING)
+    loop.update(T0 + 0.2, [(T0 + 0.2, fix())], [], NOTHING)
     assert loop.reasons == ("no behaviour yet",)
-    assert not loop.update(T0 + 1.05, [], [], NOTHING)[1:]  # zero is not sent with each estimate
+    assert not loop.update(T0 + 0.25, [], [], NOTHING)[1:]  # zero is not sent with each estimate
 
 
 def test_before_the_first_pose_a_behaviour_that_is_stepped_is_not_blamed() -> None:
@@ -256,7 +324,7 @@ def test_the_robots_that_stand_are_those_of_the_newest_order_and_of_all_that_cam
 
 def test_before_any_order_no_robot_is_known_to_stand() -> None:
     loop = ControlLoop("r1", ROBOT)
-    loop._filter = Filter()  # type: ignore[assignment]
+    loop.tracking.filter = Filter()  # type: ignore[assignment]
     loop.update(T0, [], [], NOTHING)
     assert loop.seen is not None
     assert loop.seen.stopped == frozenset()
@@ -271,13 +339,13 @@ def test_the_filter_is_given_the_odometry_and_each_command_as_it_was_sent() -> N
 
 def test_odometry_is_believed_for_as_long_as_its_channel_says() -> None:
     loop = free()
-    settings = loop._filter._settings
+    settings = loop.tracking.filter._settings
     assert (settings.odometry_timeout, settings.command_timeout) == (0.15, 0.3)
 
 
 def test_the_filter_knows_this_robots_wheels() -> None:
     slow = parse_scenario({"robot": {"r1": {"tag": 1, "lag": 0.3, "a_max": 0.25}}}, "lab.toml", name="lab").robot["r1"]
-    limits = ControlLoop("r1", slow)._filter._limits
+    limits = ControlLoop("r1", slow).tracking.filter._limits
     assert (limits.lag, limits.a_max) == (0.3, 0.25)
 
 
@@ -332,10 +400,10 @@ def test_a_reason_beside_a_twist_holds_nobody() -> None:
 
 def test_fixes_their_ages_and_commands_are_counted() -> None:
     loop = free(Forward())  # one command at the update; none at a stop state that stops nobody
-    assert (loop.fixes, loop.commands) == (1, 1)
+    assert (loop.tracking.fixes, loop.commands) == (1, 1)
     loop.update(T0 + 0.05, [(T0 + 0.01, fix()), (T0 + 0.02, fix())], [], NOTHING)
-    assert (loop.fixes, loop.commands) == (3, 2)
-    assert loop.pose_ages == [0.0, pytest.approx(0.04), pytest.approx(0.03)]
+    assert (loop.tracking.fixes, loop.commands) == (3, 2)
+    assert loop.tracking.pose_ages == [0.0, pytest.approx(0.04), pytest.approx(0.03)]
 
 
 # ---- behaviours that fail
@@ -423,8 +491,8 @@ def test_a_fix_from_the_future_or_older_than_the_filters_history_is_refused(age:
     loop, now = ControlLoop("r1", ROBOT), 4096.0
     for _ in range(2):
         loop.update(now, [(now - age, fix())], [], NOTHING)
-    assert loop.fixes == (2 if used else 0)
-    assert loop.refused == ({} if used else {"fix untimely": 2})
+    assert loop.tracking.fixes == (2 if used else 0)
+    assert loop.tracking.refused == ({} if used else {"fix untimely": 2})
 
 
 def test_a_fix_that_the_filter_refuses_is_counted_with_its_reason() -> None:
@@ -432,8 +500,8 @@ def test_a_fix_that_the_filter_refuses_is_counted_with_its_reason() -> None:
     for k in (1, 2):
         elsewhere = PoseFix(x=9.0, y=9.0, theta=0.0, covariance=ACCURATE, camera="north", age=0.0)
         loop.update(T0 + 0.01 * k, [(T0 + 0.01 * k, elsewhere)], [], NOTHING)
-    assert loop.refused == {"fix gated": 2}
-    assert loop.fixes == 1
+    assert loop.tracking.refused == {"fix gated": 2}
+    assert loop.tracking.fixes == 1
 
 
 @pytest.mark.parametrize(
@@ -460,7 +528,7 @@ def test_an_odometry_that_cannot_be_of_now_or_of_these_wheels_is_refused(
     for _ in range(2):
         loop.update(now, [], [(now - age, v, omega)], NOTHING)
     assert pose_filter.twists == ([(now - age, v, omega)] * 2 if used else [])
-    assert loop.refused == ({} if used else {"odometry": 2})
+    assert loop.tracking.refused == ({} if used else {"odometry": 2})
 
 
 # ---- what is reported at once
@@ -496,11 +564,11 @@ def test_an_order_that_changes_nothing_is_not_reported() -> None:
 
 def test_a_pose_that_grows_older_is_not_reported_at_each_estimate() -> None:
     loop = free(Forward())
-    loop.update(T0 + 0.5, [], [], NOTHING)
+    loop.update(T0 + 0.4, [], [], NOTHING)
     assert loop.changed
     loop.changed = False
-    loop.update(T0 + 1.7, [], [], NOTHING)
-    assert loop.reasons == ("no pose for 1.7 s",)
+    loop.update(T0 + 0.8, [], [], NOTHING)
+    assert loop.reasons == ("no pose for 0.8 s",)
     assert not loop.changed
 
 
@@ -523,11 +591,11 @@ def test_after_the_last_command_there_is_none() -> None:
 def test_a_fix_that_is_not_of_the_last_second_is_refused_and_counted(age: float, taken: bool) -> None:
     loop = ControlLoop("r1", ROBOT)
     loop.update(T0, [(T0 - age, fix())], [], NOTHING)
-    assert loop.fixes == (1 if taken else 0)
-    assert loop.refused == ({} if taken else {"fix untimely": 1})
+    assert loop.tracking.fixes == (1 if taken else 0)
+    assert loop.tracking.refused == ({} if taken else {"fix untimely": 1})
     # Begun a thousand years ago, the filter would be busy for as long; begun in the future, it would wait for it.
     loop.update(T0 + 0.05, [(T0 + 0.05, fix())], [], NOTHING)
-    assert loop.fixes == (2 if taken else 1)
+    assert loop.tracking.fixes == (2 if taken else 1)
 
 
 @pytest.mark.parametrize(
@@ -548,7 +616,7 @@ def test_odometry_that_these_wheels_cannot_have_sent_is_refused_and_counted(
 ) -> None:
     loop = free()
     loop.update(T0 + 1.0, [], [(T0 + 1.0 - age, v, omega)], NOTHING)
-    assert loop.refused == ({} if taken else {"odometry": 1})
+    assert loop.tracking.refused == ({} if taken else {"odometry": 1})
 
 
 def test_why_a_fix_was_not_used_is_counted() -> None:
@@ -556,7 +624,7 @@ def test_why_a_fix_was_not_used_is_counted() -> None:
     far = PoseFix(x=9.0, y=9.0, theta=0.0, covariance=ACCURATE, camera="north", age=0.0)
     flat = PoseFix(x=0.0, y=0.0, theta=0.0, covariance=(0.0,) * 9, camera="north", age=0.0)
     loop.update(T0 + 0.1, [(T0 + 0.1, far), (T0 + 0.1, flat)], [], NOTHING)
-    assert loop.refused == {"fix gated": 1, "fix bad covariance": 1}
+    assert loop.tracking.refused == {"fix gated": 1, "fix bad covariance": 1}
 
 
 def test_the_names_of_an_absurd_order_are_forgotten_at_the_next_newer_one() -> None:

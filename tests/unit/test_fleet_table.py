@@ -62,8 +62,8 @@ def test_an_age_is_never_negative(table: FleetTable) -> None:
 @pytest.mark.parametrize(
     ("age", "state"),
     [
-        (0.39, "tracking"),
-        (0.41, "stale"),
+        (0.24, "tracking"),
+        (0.26, "stale"),
         (1.99, "stale"),
         (2.01, "lost"),
         (3600.0, "lost"),
@@ -114,14 +114,21 @@ def test_headings_on_both_sides_of_pi_agree(table: FleetTable) -> None:
 
 
 def test_a_fast_robot_may_be_ahead_of_its_fix(table: FleetTable) -> None:
-    table.estimate("r1", moving(10.3, Pose2(1.35, 0.5, 0.2), v=0.5))
-    assert row(table, 10.3).state == "tracking"
+    table.estimate("r1", moving(10.2, Pose2(1.3, 0.5, 0.2), v=0.5))
+    assert row(table, 10.2).state == "tracking"
 
 
 def test_it_is_found_again_where_it_is_seen(table: FleetTable) -> None:
     assert row(table, 13.0).state == "lost"
     table.fix("r1", Pose2(0.0, 0.0, 0.0), 13.0)
     assert row(table, 13.1).state == "tracking"
+
+
+def test_when_a_robot_is_stale_is_a_setting() -> None:
+    table = FleetTable(stale_after=0.4)
+    table.fix("r1", HERE, 10.0)
+    assert row(table, 10.39).state == "tracking"
+    assert row(table, 10.41).state == "stale"
 
 
 def test_a_cleared_robot_is_gone_until_it_is_seen_again(table: FleetTable) -> None:

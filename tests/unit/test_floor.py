@@ -77,6 +77,24 @@ def test_after_a_suspension_the_time_is_skipped() -> None:
     assert clock.now() - STEP < there.catch_up() <= clock.now() + 1e-9
 
 
+@pytest.mark.parametrize("frozen", [0.4, 0.5, 5.0])
+def test_a_command_is_not_driven_beyond_its_time_by_a_process_that_was_frozen(frozen: float) -> None:
+    there, clock = floor(robots=2)
+    there = Floor(there.plant, clock, watchdog=0.3)
+    wheels = [SimulatedWheels(there, row) for row in range(2)]
+    clock.advance(1.0)
+    wheels[0].command(0.5, 0.0)
+    for _ in range(13):  # for 0.26 s of driving, read at 50 Hz
+        clock.advance(0.02)
+        there.catch_up()
+    wheels[1].command(0.5, 0.0)
+    clock.advance(frozen)
+    there.catch_up()
+    assert there.commands.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    if frozen < 0.5:
+        assert wheels[0].read().v < wheels[1].read().v  # each for its own time
+
+
 def test_each_robot_has_its_own_wheels() -> None:
     there, clock = floor(robots=3)
     wheels = [SimulatedWheels(there, row) for row in range(3)]

@@ -55,6 +55,16 @@ def test_the_table_has_a_row_for_each_robot() -> None:
     assert "12 of 60 s   radius error 0.004 m   spacing error 0.031 rad   restarts 1" in lines[0]
 
 
+def test_a_robot_that_drives_otherwise_than_it_wants_is_driving_and_the_table_says_why() -> None:
+    row = KNOWN._replace(note="keeps clear of r3")
+    assert row.driving
+    assert "driving 1/1" in line_of(view(rows=[row]))
+    out = io.StringIO()
+    Console(file=out, width=160).print(table_of(view(rows=[row, HOLDING._replace(note="keeps clear of r1")])))
+    assert "keeps clear of r3" in out.getvalue()
+    assert "keeps clear of r1" not in out.getvalue()  # why it does not drive comes first
+
+
 def test_a_plain_line_is_printed_every_five_seconds(capsys: pytest.CaptureFixture[str]) -> None:
     with PlainScreen() as screen:
         for t in (0.3, 0.6, 4.9, 5.1, 9.9, 17.0, 19.9, 20.0):

@@ -10,6 +10,7 @@ import pytest
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds
+from muro_zenoh.safety.separation import SeparationSettings
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 
@@ -126,7 +127,7 @@ def test_starts_touch_neither_each_other_nor_the_walls(seed: int) -> None:
     assert (y <= 3.0 - radius).all()
     assert (abs(theta) <= math.pi).all()
     apart = np.hypot(x[:, None] - x, y[:, None] - y)[np.triu_indices(20, 1)]
-    assert apart.min() > 2 * radius
+    assert apart.min() >= 2 * radius + SeparationSettings().margin
 
 
 def test_impossible_starts_are_refused_with_both_numbers() -> None:
@@ -135,5 +136,5 @@ def test_impossible_starts_are_refused_with_both_numbers() -> None:
         random_starts(rng, 200, ARENA, 0.177)
     with pytest.raises(PlanningError, match=r"70 robots .* \d+ were placed"):
         random_starts(rng, 70, ARENA, 0.177)
-    with pytest.raises(PlanningError, match=r"0\.3 x 3 m holds no robot that needs 0\.394 m"):
+    with pytest.raises(PlanningError, match=r"0\.3 x 3 m holds no robot that needs 0\.446 m"):
         random_starts(rng, 1, Bounds(0.0, 0.3, 0.0, 3.0), 0.177)

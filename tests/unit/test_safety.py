@@ -191,9 +191,24 @@ def test_at_its_first_order_a_robot_has_no_count_to_compare_with() -> None:
 # ---- the gate
 
 
-def stand(latch: StopLatch = FREE, fix_age: float = 0.1, twist_age: float = 0.1, hold: str = "") -> tuple[str, ...]:
+def stand(
+    latch: StopLatch = FREE,
+    fix_age: float = 0.1,
+    twist_age: float = 0.1,
+    hold: str = "",
+    pause: float = 0.0,
+    snapshot_age: float = 0.0,
+) -> tuple[str, ...]:
     return reasons_to_hold(
-        latch=latch, fix_age=fix_age, fix_limit=0.4, twist_age=twist_age, twist_limit=0.25, hold=hold
+        latch=latch,
+        pause=pause,
+        fix_age=fix_age,
+        fix_limit=0.4,
+        snapshot_age=snapshot_age,
+        snapshot_limit=0.5,
+        twist_age=twist_age,
+        twist_limit=0.25,
+        hold=hold,
     )
 
 
@@ -212,6 +227,25 @@ def test_a_fresh_robot_may_drive() -> None:
 )
 def test_a_stale_pose_stops_the_robot(fix_age: float, reason: str) -> None:
     assert stand(fix_age=fix_age) == (reason,)
+
+
+@pytest.mark.parametrize(
+    ("age", "reason"),
+    [
+        (math.inf, "no positions of all robots yet: waiting for the base station"),
+        (0.51, "no positions of all robots for 0.5 s"),
+        (math.nan, "no positions of all robots for nan s"),
+    ],
+)
+def test_a_robot_that_does_not_know_where_the_others_are_stands_still(age: float, reason: str) -> None:
+    assert stand(snapshot_age=age) == (reason,)
+    assert stand(snapshot_age=0.5) == ()
+
+
+def test_after_a_pause_a_robot_stands_still_until_it_knows_the_stop_state() -> None:
+    assert stand(pause=0.7) == ("no stop state since a pause of 0.7 s: waiting for the base station",)
+    stopped = receive(FREE, 6, "r1")
+    assert stand(stopped, pause=0.7) == (stopped.reason,)
 
 
 @pytest.mark.parametrize("twist_age", [0.26, math.inf, math.nan])

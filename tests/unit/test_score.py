@@ -29,7 +29,7 @@ from muro_zenoh.quantities import Length, Period
 from muro_zenoh.scoring.__main__ import page
 from muro_zenoh.scoring.checks import CHECKS, Judged, judged_checks
 from muro_zenoh.scoring.circle import gaps_ahead, radius_error, settle_time, spacing_error
-from muro_zenoh.scoring.observed import Body, Calibrated, Observed, Planned, Sample
+from muro_zenoh.scoring.observed import Body, Calibrated, FaultSeen, Observed, Planned, Sample
 from muro_zenoh.scoring.rows import as_json, definitions
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import CheckResult, ProcessUse, ScoreSheet
@@ -529,7 +529,8 @@ def test_every_key_of_a_report_has_a_definition_and_every_definition_a_key() -> 
     keys = [row.key for row in defined]
     assert len(keys) == len(set(keys))
     names = "<robot>|<process>|<check>"
-    found = set(keys_of(report(observed(failures={"r1": "behaviour lab:swim: out of water"}, seen=()), ALL_CHECKS)))
+    failed, fault = {"r1": "behaviour lab:swim: out of water"}, FaultSeen("freeze", "r1/agent", 1.0, 2.0, 1.7e9)
+    found = set(keys_of(report(observed(failures=failed, faults=(fault,), seen=()), ALL_CHECKS)))
     assert {re.sub(names, "*", key) for key in keys} == found
 
 

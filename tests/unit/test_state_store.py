@@ -66,12 +66,14 @@ async def test_a_circle_that_leaves_the_arena_is_refused(order: SetCircle) -> No
 
 
 async def test_a_refusal_says_how_large_a_circle_may_be() -> None:
-    with pytest.raises(OrderRefused, match=r"expected at most 1\.323 m"):  # 1.5 m to the wall less a body of 0.177 m
+    with pytest.raises(
+        OrderRefused, match=r"expected at most 1\.303 m"
+    ):  # 1.5 m to the wall less a body of 0.177 m and 0.02 m
         await fresh().set_circle(SetCircle(radius=1.4))
 
 
 async def test_a_circle_on_which_the_fleet_would_touch_is_refused() -> None:
-    """Three robots of 0.177 m radius touch on a circle below 0.2044 m; two do not."""
+    """Three robots of 0.177 m radius need 0.4 m between their centres, and a circle of 0.231 m; two do not."""
     with pytest.raises(OrderRefused, match=r"^circle\.radius: got 3 robots on a circle of 0\.2 m"):
         await fresh().set_circle(SetCircle(radius=0.2))
     await fresh(robots=2).set_circle(SetCircle(radius=0.2))
@@ -155,7 +157,7 @@ async def test_a_behaviour_has_the_revision_of_its_own_order(tmp_path: Path) -> 
 
 async def test_robots_that_do_the_same_share_the_circle_whenever_that_was_ordered() -> None:
     kept = StateStore(parse_scenario({"robots": 5, "behaviour": {"name": "hold"}}, "lab.toml", name="lab"), None)
-    await kept.set_circle(SetCircle(radius=0.29))  # room for four robots of 0.177 m radius
+    await kept.set_circle(SetCircle(radius=0.3))  # room for four robots of 0.177 m radius
     for name in ("r1", "r2", "r3", "r4"):
         await kept.set_behaviour(SetBehaviour(behaviour="pursuit", names=(name,)))
     with pytest.raises(OrderRefused, match="5 robots on a circle"):

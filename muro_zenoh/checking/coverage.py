@@ -1,0 +1,80 @@
+"""Which faults met which processes, and in which state the robots were: the table that shows what a check has tried."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from muro_zenoh.config.faults import KINDS, Fault, Place
+
+
+class Activity(StrEnum):
+    """What a robot does when a fault begins to take effect."""
+
+    STARTING = "starting"
+    DRIVING = "driving"
+    HOLDING = "holding"
+    STOPPED = "stopped"
+
+
+ROLES: Final = {
+    Place.ROBOT: "robot",
+    Place.AGENT: "agent",
+    Place.BASE: "base",
+    Place.BASESTATION: "basestation",
+    Place.CAMERAS: "camera",
+    Place.CAMERA: "camera",
+    Place.ROUTER: "router",
+}
+"""The roles in the table; one camera and all of them are one role."""
+
+
+class Cell(NamedTuple):
+    """A ``kind`` of fault, the ``role`` of what it befell, and the ``activity`` of a robot that it concerned."""
+
+    kind: str
+    role: str
+    activity: Activity
+
+
+CELLS: Final = tuple(
+    Cell(kind, role, activity)
+    for kind, fault in KINDS.items()
+    for role in dict.fromkeys(ROLES[place] for place in fault.places)
+    for activity in Activity
+)
+"""Every cell that can occur."""
+
+
+def cell_of(fault: Fault, activity: Activity) -> Cell:
+    """The cell of a fault.
+
+    Args:
+        fault: the fault.
+        activity: what a robot that it concerns did.
+    """
+    return Cell(fault.kind, ROLES[fault.place], activity)
+
+
+def never_met(met: Counter[Cell], cells: Iterable[Cell] = CELLS) -> tuple[Cell, ...]:
+    """The cells whose effect has never occurred.
+
+    Args:
+        met: how often each has occurred.
+        cells: those that should have.
+    """
+    return tuple(cell for cell in cells if not met[cell])
+
+
+def as_nested(met: Counter[Cell]) -> dict[str, dict[str, dict[str, int]]]:
+    """The table for JSON: how often, by kind, role and activity; every cell that can occur is in it.
+
+    Args:
+        met: how often each has occurred.
+    """
+    table: dict[str, dict[str, dict[str, int]]] = {}
+    for cell in CELLS:
+        table.setdefault(cell.kind, {}).setdefault(cell.role, {})[str(cell.activity)] = met[cell]
+    return table

@@ -1,0 +1,112 @@
+"""The operator of a trial: gives the scenario's orders, and hears what every process reports."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import NamedTuple
+
+from muro_zenoh import channels
+from muro_zenoh.checking.fleet import VirtualFleet
+from muro_zenoh.config import BehaviourSettings, Scenario
+from muro_zenoh.config.order import OrderRow
+from muro_zenoh.errors import MuroError
+from muro_zenoh.messages import SetBehaviour
+from muro_zenoh.orders.stop import resume_robots, stop_robots
+from muro_zenoh.transport import Bus
+
+
+class Report(NamedTuple):
+    """A health message as a faultless listener received it.
+
+    Attributes:
+        time: when [s].
+        process: whose it is.
+        reasons: why it does not do its work.
+        failure: of a robot's behaviour; empty while it runs.
+        latched: whether a robot's stop latch holds it.
+    """
+
+    time: float
+    process: str
+    reasons: tuple[str, ...]
+    failure: str = ""
+    latched: bool = False
+
+
+class Ordered(NamedTuple):
+    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``."""
+
+    time: float
+    order: OrderRow
+    accepted: bool
+
+
+class Operator:
+    """A faultless operator, at the fleet's own network. Called with a fleet it acts until it is cancelled.
+
+    Args:
+        scenario: the orders, and the goals that go with behaviours.
+
+    Attributes:
+        reports: the health messages that differ from the one before of the same process.
+        orders: what was ordered.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.reports: list[Report] = []
+        self.orders: list[Ordered] = []
+        self._scenario = scenario
+
+    async def __call__(self, fleet: VirtualFleet) -> None:
+        """Hear, and give each order when it is due.
+
+        Args:
+            fleet: the fleet.
+        """
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._hear(fleet), name="operator hears")
+            for order in self._scenario.orders:
+                tasks.create_task(self._give(fleet, order), name=f"operator at {order.at:g} s")
+
+    async def _hear(self, fleet: VirtualFleet) -> None:
+        before: dict[str, tuple[object, ...]] = {}
+        async for received in fleet.operator.every(channels.HEALTH, "*", depth=4096):
+            health = received.message
+            said = health.reasons, health.failure, health.stop_latched
+            if before.get(received.name) != said:
+                before[received.name] = said
+                self.reports.append(Report(fleet.elapsed, received.name, *said))
+
+    async def _give(self, fleet: VirtualFleet, order: OrderRow) -> None:
+        await asyncio.sleep(order.at - fleet.elapsed)
+        given = fleet.elapsed
+        try:
+            accepted = await _GIVE[order.kind](fleet.operator, order, self._scenario)
+        except MuroError:
+            accepted = False  # nobody answered
+        # A resume lifts a stop as soon as it is given: what came of it is known later.
+        self.orders.append(Ordered(given, order, accepted))
+
+
+async def _stop(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
+    return (await stop_robots(bus, order.robots)).confirmed
+
+
+async def _resume(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
+    return (await resume_robots(bus, order.robots)).reply.accepted
+
+
+async def _set_behaviour(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
+    common = BehaviourSettings(name=order.behaviour, parameters=order.parameters)
+    of_each = {name: scenario.behaviour_of(name, common) for name in order.robots or scenario.robots}
+    if all(own == common for own in of_each.values()):
+        orders = [SetBehaviour(behaviour=common.name, parameters=common.parameters, names=order.robots)]
+    else:
+        orders = [
+            SetBehaviour(behaviour=own.name, parameters=own.parameters, names=(name,)) for name, own in of_each.items()
+        ]
+    replies = [await bus.ask(channels.SET_BEHAVIOUR, each) for each in orders]
+    return all(reply.accepted for reply in replies)
+
+
+_GIVE = {"stop": _stop, "resume": _resume, "behaviour": _set_behaviour}

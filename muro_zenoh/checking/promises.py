@@ -1,0 +1,374 @@
+"""What every trial must keep: promises, each a pure function of a record.
+
+A promise counts how often it was evaluated: one that a whole check never evaluated is an error of the check, not a
+promise kept. A record that begins late or has a gap is refused, because a breach could be in what was not seen.
+
+What each applies to:
+
+no contact (A)
+    Every pair of robots, at every sample, while neither is *disturbed*: carried, driven by somebody else, or lying
+    about its estimate, from the first effect until 2 s after the last and until it was 5 cm clear of every other body.
+    A robot whose agent is dead or frozen, that is cut off or whose wheels jam is not disturbed.
+driven into (B)
+    Every disturbed robot that has stood where it is for 1.6 s, neither driven nor carried: no undisturbed robot that
+    moves touches it.
+named (B)
+    Every robot that is carried, lies or is driven by somebody else: within 1 s of the first effect a health report has
+    a reason with its name that it did not have before. Not where another fault, at that time, befalls what the report
+    needs: the robot, its processes, the base station, a camera or the router.
+blind (C)
+    Every robot that nobody else drives, at every sample: its wheels are commanded zero when the last good information
+    is older than 0.45 s, or 0.6 s where the camera's age counts. The *last good information* is, of three, the one that
+    is too old first: when the youngest command that its base has received from its own agent was sent (0.45 s); when
+    the picture behind the youngest fix that its agent has received was taken (0.6 s); when the youngest snapshot of the
+    fleet that its agent has received was sent (0.6 s; with the separation filter off it needs none). Times are true
+    times, whatever the stamps say: a message that was long under way is old when it arrives.
+braking (C)
+    Every stop of an undisturbed robot that was commanded zero until it stood: from then on it travelled no further than
+    its braking distance, at the speed that it had.
+stop
+    Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume is accepted
+    or the agent dies.
+inside
+    Every robot, at every sample: its body is inside the arena. One that was disturbed, from when it has been in once.
+behaves
+    Every robot: its behaviour neither fails nor ends by itself.
+survives
+    Every process: it does not end by itself with an error.
+finished
+    Every trial goes on to its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from muro_zenoh.checking.contacts import STANDING, ContactClass, contacts, disturbances
+from muro_zenoh.checking.operator import Report
+from muro_zenoh.checking.record import PERIOD, Effect, Flags, Record
+from muro_zenoh.config.faults import Place
+from muro_zenoh.errors import MuroError
+
+COMMAND_AGE: Final = 0.45
+"""Wheels stand this time after the last good command, and after a stop was latched [s]."""
+
+CAMERA_AGE: Final = 0.6
+"""The same where the camera's age counts [s]."""
+
+NAMED_WITHIN: Final = 1.0
+"""A disturbed robot is named on health within this time [s]."""
+
+_SLACK: Final = 1.5 * PERIOD
+"""A time is seen this much too late at most [s]: by the sampling and by the base's beat."""
+
+_TRAVEL_SLACK: Final = 0.01
+"""Of a braking distance: the wheels' last step, and slip [m]."""
+
+_OUTSIDE: Final = 1e-3
+"""A body may reach this far over the arena's edge [m]: a robot put down at the wall by its start."""
+
+
+class Breach(NamedTuple):
+    """A ``promise`` was broken at ``time`` [s], by these ``robots``: ``what`` happened, in words."""
+
+    promise: str
+    time: float
+    robots: tuple[str, ...]
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.what} at {self.time:.1f} s"
+
+
+class Judgement(NamedTuple):
+    """How many times a promise was ``evaluated`` in a record, and the ``breaches``."""
+
+    evaluated: int
+    breaches: tuple[Breach, ...]
+
+
+class Promise(NamedTuple):
+    """A promise.
+
+    Attributes:
+        name: its name.
+        says: what it says, in one line.
+        judge: from a record to its judgement.
+        always: whether there is something to evaluate in every trial, not only after some faults or orders.
+    """
+
+    name: str
+    says: str
+    judge: Callable[[Record], Judgement]
+    always: bool = True
+
+
+class IncompleteRecord(MuroError):  # noqa: N818 - reads as a state, and is one
+    """A record cannot be judged, because not all of the trial is in it."""
+
+
+def require_whole(record: Record) -> None:
+    """Refuse a record that begins late, has a gap or ends early.
+
+    Args:
+        record: the record.
+
+    Raises:
+        IncompleteRecord: not all of the trial was watched.
+    """
+    time = record.time
+    if not len(time) or time[0] > PERIOD:
+        began = f"{time[0]:.2f} s" if len(time) else "never"
+        raise IncompleteRecord(f"record: got a first sample at {began}, expected one at 0 s: it was watched too late")
+    gap = float(np.diff(time).max(initial=0.0))
+    if gap > 2.0 * PERIOD:
+        raise IncompleteRecord(f"record: got a gap of {gap:.3f} s, expected a sample every {PERIOD:g} s")
+    if record.finished and time[-1] < record.scenario.duration - 2.0 * PERIOD:
+        raise IncompleteRecord(
+            f"record: got the last sample at {time[-1]:.2f} s, expected one at {record.scenario.duration:g} s"
+        )
+
+
+# ---- A and B: contacts
+
+
+def _no_contact(record: Record) -> Judgement:
+    free = (~disturbances(record)).sum(axis=1)
+    return Judgement(int((free * (free - 1) // 2).sum()), _of_class(record, ContactClass.OURS, "no contact", "touches"))
+
+
+def _driven_into(record: Record) -> Judgement:
+    evaluated = int(disturbances(record).any(axis=0).sum())
+    return Judgement(evaluated, _of_class(record, ContactClass.STANDING, "driven into", "touches, standing,"))
+
+
+def _of_class(record: Record, kind: ContactClass, promise: str, verb: str) -> tuple[Breach, ...]:
+    return tuple(
+        Breach(promise, contact.time, contact.robots, f"{contact.robots[0]} {verb} {contact.robots[1]}")
+        for contact in contacts(record)
+        if contact.kind is kind
+    )
+
+
+def _named(record: Record) -> Judgement:
+    evaluated, breaches = 0, []
+    for effect in record.effects:
+        if effect.fault.kind not in ("carry", "lie", "foreign_driver") or _is_hampered(record, effect):
+            continue
+        for name in effect.robots:
+            if effect.start + NAMED_WITHIN > record.time[-1]:
+                continue
+            evaluated += 1
+            if not _is_named(record, name, effect.start):
+                what = f"nobody has named {name} ({effect.fault.kind}) for {NAMED_WITHIN:g} s"
+                breaches.append(Breach("named", effect.start + NAMED_WITHIN, (name,), what))
+    return Judgement(evaluated, tuple(breaches))
+
+
+def _is_named(record: Record, name: str, start: float) -> bool:
+    """Whether a new reason about a robot was reported."""
+    before: dict[str, tuple[str, ...]] = {}
+    for report in record.reports:
+        if report.time <= start:
+            before[report.process] = report.reasons
+        elif report.time <= start + NAMED_WITHIN:
+            known = {_words(reason) for reason in before.get(report.process, ())}
+            for reason in report.reasons:
+                if name in _words(reason) and _words(reason) not in known:
+                    return True
+    return False
+
+
+def _words(reason: str) -> tuple[str, ...]:
+    """The words of a reason, without its numbers: an age that grows makes no new reason."""
+    words = (word.strip(",.:;()'\"") for word in reason.replace("'s", " ").split())
+    return tuple(word for word in words if not word.replace(".", "").isdigit())
+
+
+def _is_hampered(record: Record, effect: Effect) -> bool:
+    """Whether another fault befalls what the report about a robot needs."""
+    shared = (Place.BASESTATION, Place.CAMERA, Place.CAMERAS, Place.ROUTER)
+    return any(
+        other is not effect
+        and (other.fault.place in shared or other.fault.robot in effect.robots)
+        and other.start - NAMED_WITHIN < effect.start + NAMED_WITHIN
+        and effect.start < other.end + NAMED_WITHIN
+        for other in record.effects
+    )
+
+
+# ---- C: nobody drives blind
+
+
+def _blind(record: Record) -> Judgement:
+    driving = np.any(record.command != 0.0, axis=2)
+    now = record.time[:, None]
+    breaches = []
+    late = {
+        "the last command of its agent": now - record.good_command - COMMAND_AGE,
+        "the last picture of it": now - record.good_pose - CAMERA_AGE,
+    }
+    if record.scenario.separation.enabled:
+        late["the last snapshot of the fleet"] = now - record.good_snapshot - CAMERA_AGE
+    judged = ~_driven_by_others(record)
+    for what, excess in late.items():
+        blind = driving & judged & (excess > _SLACK)
+        for i, name in enumerate(record.names):
+            for first, last in _episodes(blind[:, i]):
+                limit = COMMAND_AGE if "command" in what else CAMERA_AGE
+                oldest = float((excess[first:last, i]).max()) + limit
+                age = f"{oldest:.2f} s" if np.isfinite(oldest) else "never"
+                breaches.append(
+                    Breach("blind", float(record.time[first]), (name,), f"{name} drives blind ({what}: {age})")
+                )
+    return Judgement(int(judged.sum()), tuple(breaches))
+
+
+def _driven_by_others(record: Record) -> Flags:
+    """Whether somebody else drives each robot (T, N)."""
+    driven = np.zeros((len(record.time), len(record.names)), dtype=bool)
+    for i, name in enumerate(record.names):
+        for effect in record.effects_on(name, "foreign_driver"):
+            driven[_between(record, effect.start - PERIOD, effect.end + COMMAND_AGE), i] = True
+    return driven
+
+
+def _braking(record: Record) -> Judgement:
+    evaluated, breaches = 0, []
+    disturbed = disturbances(record)
+    travelled = np.zeros(disturbed.shape)
+    travelled[1:] = np.cumsum(np.hypot(*np.moveaxis(np.diff(record.pose[..., :2], axis=0), -1, 0)), axis=0)
+    zero = np.all(record.command == 0.0, axis=2)
+    slowest = 1.0 - record.scenario.simulation.drive_error
+    for i, name in enumerate(record.names):
+        robot = record.scenario.robot[name]
+        speed = np.abs(record.twist[:, i, 0])
+        for first, last in _episodes(zero[:, i]):
+            stood = np.flatnonzero(speed[first:last] < STANDING)
+            if not first or not len(stood) or disturbed[first:last, i].any():
+                continue  # it stood from the start, or drove on before it stood
+            evaluated += 1
+            v = float(speed[first - 1])
+            allowed = v * (robot.lag + PERIOD) + 0.5 * v * v / (robot.brake * slowest) + _TRAVEL_SLACK
+            way = float(travelled[last - 1, i] - travelled[first, i])
+            if way > allowed:
+                what = f"{name} travels {way:.2f} m after its command is zero, expected at most {allowed:.2f} m,"
+                breaches.append(Breach("braking", float(record.time[first]), (name,), what))
+    return Judgement(evaluated, tuple(breaches))
+
+
+def _stop(record: Record) -> Judgement:
+    evaluated, breaches = 0, []
+    driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
+    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted]
+    for i, name in enumerate(record.names):
+        deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
+        for first, _ in _episodes(record.latched[:, i]):
+            evaluated += 1
+            begin = float(record.time[first])
+            # A latch that opens without a resume is a breach like one that does not hold, so it holds until then.
+            ends = [time for time in (*resumes, *deaths) if time > begin]
+            end = min(ends, default=float(record.time[-1]))
+            wrong = _between(record, begin + COMMAND_AGE + _SLACK, end) & driving[:, i]
+            if wrong.any():
+                at = float(record.time[np.argmax(wrong)])
+                breaches.append(Breach("stop", at, (name,), f"{name} drives although it was stopped"))
+    return Judgement(evaluated, tuple(breaches))
+
+
+# ---- where, and to the end
+
+
+def _inside(record: Record) -> Judgement:
+    arena, breaches = record.scenario.arena, []
+    disturbed = disturbances(record)
+    for i, name in enumerate(record.names):
+        radius = record.scenario.robot[name].radius
+        x, y = record.pose[:, i, 0], record.pose[:, i, 1]
+        over = np.maximum.reduce([arena.x_min - x, x - arena.x_max, arena.y_min - y, y - arena.y_max]) + radius
+        out = over > _OUTSIDE
+        for first, last in _episodes(out):
+            if disturbed[first, i]:
+                continue  # it was put down there, or driven there by somebody else
+            far = float(over[first:last].max())
+            what = f"{name} leaves the arena (by {far:.2f} m)"
+            breaches.append(Breach("inside", float(record.time[first]), (name,), what))
+    return Judgement(int((~disturbed).sum()), tuple(breaches))
+
+
+def _behaves(record: Record) -> Judgement:
+    evaluated: set[str] = set()
+    failed: dict[str, Report] = {}
+    for report in record.reports:
+        if report.process in record.names:
+            evaluated.add(report.process)
+            if report.failure:
+                failed.setdefault(report.process, report)
+    breaches = (Breach("behaves", report.time, (name,), f"{name}: {report.failure}") for name, report in failed.items())
+    return Judgement(len(evaluated), tuple(breaches))
+
+
+def _survives(record: Record) -> Judgement:
+    breaches = tuple(
+        Breach("survives", end.time, _robots_of(end.name, record), f"the process {end.name} ends with {end.error}")
+        for end in record.ends
+        if end.error
+    )
+    return Judgement(1, breaches)
+
+
+def _robots_of(process: str, record: Record) -> tuple[str, ...]:
+    robot = process.partition("/")[0]
+    return (robot,) if robot in record.names else ()
+
+
+def _finished(record: Record) -> Judgement:
+    if record.finished:
+        return Judgement(1, ())
+    at = float(record.time[-1]) if len(record.time) else 0.0
+    return Judgement(1, (Breach("finished", at, (), "the trial does not go on"),))
+
+
+def _episodes(flags: Flags) -> list[tuple[int, int]]:
+    """The runs of True: first index, and the one after the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _between(record: Record, start: float, end: float) -> Flags:
+    within: Flags = (record.time >= start) & (record.time <= end)
+    return within
+
+
+PROMISES: Final = (
+    Promise("no contact", "robots that run the control loop and were not disturbed do not touch", _no_contact),
+    Promise("driven into", "nobody drives into a disturbed robot that stands", _driven_into, always=False),
+    Promise("named", f"a disturbed robot is named on health within {NAMED_WITHIN:g} s", _named, always=False),
+    Promise("blind", f"zero {COMMAND_AGE:g} s after the last good information ({CAMERA_AGE:g} s: camera)", _blind),
+    Promise("braking", "after a zero a robot travels at most its braking distance", _braking, always=False),
+    Promise("stop", f"a stopped robot stands, from {COMMAND_AGE:g} s on until it is resumed", _stop, always=False),
+    Promise("inside", "nobody leaves the arena", _inside),
+    Promise("behaves", "no behaviour fails or ends by itself", _behaves),
+    Promise("survives", "no process ends by itself with an error", _survives),
+    Promise("finished", "every trial goes on to its end", _finished),
+)
+"""Every promise, most important first."""
+
+
+def judge(record: Record) -> dict[str, Judgement]:
+    """Judge a record by every promise.
+
+    Args:
+        record: the record.
+
+    Returns:
+        The judgements by the promise's name.
+
+    Raises:
+        IncompleteRecord: not all of the trial was watched.
+    """
+    require_whole(record)
+    return {promise.name: promise.judge(record) for promise in PROMISES}

@@ -1,0 +1,226 @@
+"""Random trials: a fleet, its starts, behaviours and orders, and faults, all drawn from one seed.
+
+The first fault of trial k is that of cell k of the coverage table (in a fixed random order), begun while its robots are
+in that cell's state, so as many trials as there are cells meet every cell; the second one is any.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from muro_zenoh.checking.coverage import CELLS, ROLES, Activity
+from muro_zenoh.config import Scenario, as_table, parse_scenario
+from muro_zenoh.config.faults import KINDS, Place
+
+ROBOTS: Final = 10
+DURATION: Final = 32.0
+"""Of a random trial [s]."""
+
+_CAMERA = "north"
+_STARTING = 0.6
+"""Most robots drive after this time [s]."""
+
+_ROOM = 0.45
+"""Two last goals are further apart than this [m]."""
+
+_SETTLE = 1.2
+"""An order is obeyed by all robots after this time [s], if nothing is wrong."""
+
+_ORDER: Final = np.random.default_rng(8).permutation(len(CELLS))
+
+Row = dict[str, Any]
+
+
+def random_trial(seed: int) -> Scenario:
+    """A trial of ten robots.
+
+    Args:
+        seed: of everything in it.
+    """
+    draw = _Draw(seed)
+    robots = [f"r{number}" for number in range(1, ROBOTS + 1)]
+    cell = CELLS[_ORDER[seed % len(CELLS)]]
+    begin = draw.begin(cell.activity)
+    first = draw.fault(cell.kind, draw.choice(_places(cell.kind, cell.role)), robots, [_CAMERA], begin)
+    common = draw.behaviour([])
+    own = [draw.behaviour([name]) for name in robots] if draw.chance(0.2) else []
+    orders = [*own, *draw.state(cell.activity, begin, first, [common, *own]), *draw.change(robots)]
+    table: Row = {
+        "description": f"random trial {seed}",
+        "robots": ROBOTS,
+        "duration": DURATION,
+        "camera": {_CAMERA: {}},
+        "circle": {"radius": draw.uniform(0.8, 1.1), "clockwise": draw.chance(0.5)},
+        "behaviour": {"name": common["behaviour"], **common["parameters"]},
+        "goals": draw.goals(robots),
+        "fault": [first, draw.any_fault(robots, [_CAMERA])],
+        "order": sorted(orders, key=lambda row: float(row["at"])),
+    }
+    return parse_scenario(table, "random", name="random")
+
+
+def faulty(scenario: Scenario, faults: int, seed: int) -> Scenario:
+    """A scenario with random faults.
+
+    Args:
+        scenario: the scenario.
+        faults: number of faults.
+        seed: of the faults.
+    """
+    draw = _Draw(seed)
+    rows = [draw.any_fault(list(scenario.robots), list(scenario.camera)) for _ in range(faults)]
+    return parse_scenario({**as_table(scenario), "fault": rows}, scenario.name, name=scenario.name)
+
+
+def _places(kind: str, role: str) -> list[Place]:
+    return [place for place in KINDS[kind].places if ROLES[place] == role]
+
+
+class _Draw:
+    """Draws the parts of one trial."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng((seed, 6))
+
+    def uniform(self, low: float, high: float) -> float:
+        return round(float(self._rng.uniform(low, high)), 3)
+
+    def chance(self, share: float) -> bool:
+        return bool(self._rng.random() < share)
+
+    def choice(self, options: Any) -> Any:
+        return options[int(self._rng.integers(len(options)))]
+
+    def signed(self, low: float, high: float) -> float:
+        return self.uniform(low, high) * (1.0 if self.chance(0.5) else -1.0)
+
+    def goals(self, robots: list[str]) -> dict[str, list[list[float]]]:
+        """Of each robot; there is room for all of them at their last ones."""
+        goals = {name: [self._place() for _ in range(7)] for name in robots}
+        last: list[list[float]] = []
+        while len(last) < len(robots):
+            place = self._place()
+            if all(math.dist(place, other) > _ROOM for other in last):
+                last.append(place)
+        return {name: [*goals[name], place] for name, place in zip(robots, last, strict=True)}
+
+    def _place(self) -> list[float]:
+        return [self.uniform(-1.75, 1.75), self.uniform(-1.15, 1.15)]
+
+    # ---- behaviours and orders
+
+    def change(self, robots: list[str]) -> list[Row]:
+        """The change of behaviour, of all robots or half of them; and sometimes a stop that is lifted again."""
+        some = list(self._rng.permutation(robots)[: len(robots) // 2]) if self.chance(0.3) else []
+        rows = [self.behaviour([str(name) for name in some], self.uniform(8.0, 20.0))]
+        if self.chance(0.25):
+            rows += self.stop(self.uniform(4.0, 24.0), [str(self.choice(robots))] if self.chance(0.5) else [])
+        return rows
+
+    def stop(self, at: float, robots: list[str]) -> list[Row]:
+        """A stop and its resume, which is given again in case that nobody answered."""
+        end = at + self.uniform(1.5, 4.0)
+        return [
+            {"at": at, "kind": "stop", "robots": robots},
+            {"at": round(end, 3), "kind": "resume", "robots": robots},
+            {"at": round(end + 3.0, 3), "kind": "resume", "robots": robots},
+        ]
+
+    def behaviour(self, robots: list[str], at: float = 0.0) -> Row:
+        """An order of a behaviour that drives."""
+        name = self.choice(list(_BEHAVIOURS))
+        return {"at": at, "behaviour": name, "robots": robots, "parameters": _BEHAVIOURS[name](self)}
+
+    # ---- faults
+
+    def begin(self, activity: Activity) -> float:
+        """When a fault begins, for the robots to be in a state."""
+        return self.uniform(0.0, _STARTING) if activity is Activity.STARTING else self.uniform(4.0, 18.0)
+
+    def state(self, activity: Activity, begin: float, fault: Row, before: list[Row]) -> list[Row]:
+        """The orders that bring the robots of a fault into a state."""
+        robot = str(fault["target"]).partition("/")[0]
+        robots = [] if robot in ("basestation", "camera", "router") else [robot]
+        if activity is Activity.STOPPED:
+            return self.stop(begin - self.uniform(_SETTLE, 2.0), robots)
+        if activity is Activity.HOLDING:
+            hold = {"at": round(begin - _SETTLE, 3), "behaviour": "hold", "robots": robots}
+            end = round(begin + self.uniform(0.5, 2.0), 3)
+            mine = [row for row in before if not (robots and row["robots"]) or row["robots"] == robots]
+            return [hold, *({**row, "at": end, "robots": robots or row["robots"]} for row in mine)]
+        return []
+
+    def any_fault(self, robots: list[str], cameras: list[str]) -> Row:
+        """A fault of any kind, at any time."""
+        kind = self.choice(list(KINDS))
+        return self.fault(kind, self.choice(KINDS[kind].places), robots, cameras, self.uniform(1.0, 22.0))
+
+    def fault(self, kind: str, place: Place, robots: list[str], cameras: list[str], at: float) -> Row:
+        """A fault of a kind."""
+        robot, camera = self.choice(robots), self.choice(cameras)
+        target = {
+            Place.ROBOT: robot,
+            Place.AGENT: f"{robot}/agent",
+            Place.BASE: f"{robot}/base",
+            Place.CAMERA: f"camera/{camera}",
+        }.get(place, str(place))
+        return {
+            "kind": kind,
+            "target": target,
+            "at": at,
+            "duration": self.uniform(0.4, 5.0),
+            **(_NUMBERS[kind](self) if kind in _NUMBERS else {}),
+        }
+
+    def carried(self) -> Row:
+        """By the half of the arena's height at most."""
+        far, way = self.uniform(0.4, 1.2), self.uniform(-math.pi, math.pi)
+        return {
+            "x": round(far * math.cos(way), 3),
+            "y": round(far * math.sin(way), 3),
+            "theta": self.uniform(-math.pi, math.pi),
+            "duration": self.uniform(0.3, 2.0),
+        }
+
+    def lie(self) -> Row:
+        """An estimate that stays where it was, is shifted, or has a wrong speed."""
+        if self.chance(0.3):
+            return {"stuck": True}
+        if self.chance(0.3):
+            return {"v": self.signed(0.4, 1.0), "omega": self.signed(0.0, 1.0)}
+        return {"x": self.signed(0.4, 1.5), "y": self.signed(0.0, 1.5), "theta": self.signed(0.0, 3.0)}
+
+    def driver(self) -> Row:
+        """Somebody else at the wheels. With a joystick he drives backwards, as no behaviour does: one who did what the
+        robot does by itself would be noticed by nobody."""
+        if self.chance(0.3):
+            return {"v": -self.uniform(0.15, 0.3), "omega": self.signed(0.0, 1.0), "by": "wheels"}
+        return {"v": self.signed(0.05, 0.3), "omega": self.signed(0.0, 1.0), "by": "bus"}
+
+
+_BEHAVIOURS: Final[Mapping[str, Callable[[_Draw], Row]]] = {
+    "circle": lambda draw: {"speed": draw.uniform(0.1, 0.35)},
+    "pursuit": lambda draw: {"cruise": draw.uniform(0.1, 0.3)},
+    "dubins": lambda draw: {"turning_radius": draw.uniform(0.15, 0.35), "pause": 0.2},
+    "coverage": lambda draw: {"turning_radius": draw.uniform(0.1, 0.25), "hold_time": 0.2},
+    "steer": lambda draw: {"speed": draw.uniform(0.15, 0.35), "pause": 0.2},
+}
+"""The built-in behaviours that drive, with their parameters."""
+
+_NUMBERS: Final[Mapping[str, Callable[[_Draw], Row]]] = {
+    "delay": lambda draw: {"delay": draw.uniform(0.05, 0.8)},
+    "jitter": lambda draw: {"jitter": draw.uniform(0.05, 0.5)},
+    "loss": lambda draw: {"fraction": draw.uniform(0.1, 0.9)},
+    "duplicate": lambda draw: {"fraction": draw.uniform(0.2, 1.0), "delay": draw.uniform(0.02, 0.6)},
+    "reorder": lambda draw: {"fraction": draw.uniform(0.1, 0.5), "delay": draw.uniform(0.05, 0.5)},
+    "clock_offset": lambda draw: {"offset": draw.signed(0.05, 3.0), "drift": draw.signed(0.0, 0.005)},
+    "clock_step": lambda draw: {"step": draw.signed(0.1, 5.0)},
+    "carry": _Draw.carried,
+    "lie": _Draw.lie,
+    "foreign_driver": _Draw.driver,
+}
+"""The numbers of each kind of fault that has some besides its times."""

@@ -1,0 +1,175 @@
+"""The floor of a fleet in memory: what befalls the robots' bodies there, and a record of the truth."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from agents.base.simulated import STEP, Floor, SimulatedWheels
+from muro_zenoh.elementwise import Array
+from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.simulation.plant import Plant
+
+_PERIOD: Final = 0.02
+
+_COLUMNS: Final = 7
+"""Of a record: x y theta, v omega, commanded v omega."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hand:
+    """Carries a robot: from a pose, by a distance, between two times."""
+
+    start: tuple[float, float, float]
+    by: tuple[float, float, float]
+    begin: float
+    end: float
+
+    def at(self, now: float) -> tuple[float, float, float]:
+        part = min(max((now - self.begin) / (self.end - self.begin), 0.0), 1.0)
+        x, y, theta = (value + part * change for value, change in zip(self.start, self.by, strict=True))
+        return x, y, theta
+
+    @property
+    def twist(self) -> tuple[float, float]:
+        dx, dy, turn = self.by
+        lasts = self.end - self.begin
+        return math.hypot(dx, dy) / lasts, turn / lasts
+
+
+class World(Floor):
+    """The floor, advanced also when nobody asks.
+
+    Args:
+        plant: the robots.
+        clock: the true one.
+        watchdog: of the wheels [s].
+
+    Attributes:
+        jammed: how many faults jam the wheels, by row.
+        jammed_for: how long jammed wheels were commanded to turn, by row [s].
+        driven: the rows whose wheels somebody else drives: v [m/s], omega [rad/s]; the last one counts.
+    """
+
+    def __init__(self, plant: Plant, clock: Clock, watchdog: float) -> None:
+        super().__init__(plant, clock, watchdog)
+        self.jammed: Counter[int] = Counter()
+        self.jammed_for: defaultdict[int, float] = defaultdict(float)
+        self.driven: list[tuple[int, tuple[float, float]]] = []
+        self._begun = clock.now()
+        self._hands: dict[int, Hand] = {}
+        self._records: list[Array] = []
+        self._block: Array = np.empty((0, len(plant), _COLUMNS))
+        self._filled = 0
+
+    # ---- what befalls the bodies
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start [s]."""
+        return self._time - self._begun
+
+    def carry(self, row: int, by: tuple[float, float, float], lasts: float) -> Hand:
+        """Carry a robot from now on.
+
+        Args:
+            row: which.
+            by: how far: x [m], y [m], theta [rad].
+            lasts: how long it takes [s].
+
+        Returns:
+            For :meth:`set_down`.
+        """
+        self.catch_up()
+        x, y, theta = self.plant.pose[row].tolist()
+        hand = self._hands[row] = Hand((x, y, theta), by, self.elapsed, self.elapsed + lasts)
+        return hand
+
+    def set_down(self, row: int, hand: Hand) -> float:
+        """End carrying a robot.
+
+        Args:
+            row: which.
+            hand: what carries it; another one may have taken it meanwhile.
+
+        Returns:
+            How far it is from where it was taken [m].
+        """
+        self.catch_up()
+        if self._hands.get(row) is hand:
+            del self._hands[row]
+        x, y, _ = self.plant.pose[row].tolist()
+        return math.hypot(x - hand.start[0], y - hand.start[1])
+
+    def _step(self) -> None:
+        effective = self.commands
+        if self.driven or self.jammed:
+            effective = effective.copy()
+            for row, twist in self.driven:
+                effective[row] = twist
+            for row in +self.jammed:
+                self.jammed_for[row] += STEP if effective[row].any() else 0.0
+                effective[row] = 0.0
+                self.plant.jam(row)
+        self.plant.step(effective, STEP)
+        for row, hand in self._hands.items():
+            self.plant.place(row, *hand.at(self.elapsed + STEP))
+        self._record()
+
+    async def run(self) -> None:
+        """Advance the floor until cancelled, whatever becomes of the bases and the cameras."""
+        loop = asyncio.get_running_loop()
+        begin, count = loop.time(), 0
+        while True:
+            count += 1
+            await asyncio.sleep(begin + count * _PERIOD - loop.time())
+            self.catch_up()
+
+    # ---- the record
+
+    def _record(self) -> None:
+        if self._filled == len(self._block):
+            self._block = np.empty((1024, len(self.plant), _COLUMNS))
+            self._records.append(self._block)
+            self._filled = 0
+        row = self._block[self._filled]
+        row[:, 0:3] = self.plant.pose
+        row[:, 3:5] = self.plant.twist
+        row[:, 5:7] = self.commands
+        for robot, hand in self._hands.items():
+            row[robot, 3:5] = hand.twist
+        self._filled += 1
+
+    @property
+    def record(self) -> Array:
+        """The truth (T, N, 7) after each :data:`~agents.base.simulated.STEP`: x, y [m], theta [rad], v [m/s], omega
+        [rad/s], and what the wheels were commanded: v [m/s], omega [rad/s]."""
+        *full, last = self._records or [self._block]
+        return np.concatenate((*full, last[: self._filled]))
+
+
+class GuardedWheels(SimulatedWheels):
+    """Wheels that obey the process that drives them until it is killed.
+
+    Args:
+        world: the floor.
+        row: this robot's row.
+    """
+
+    def __init__(self, world: World, row: int) -> None:
+        super().__init__(world, row)
+        self._cut = False
+
+    def cut(self) -> None:
+        """Obey no more."""
+        self._cut = True
+
+    def command(self, v: float, omega: float) -> None:
+        """Turn the wheels so that a nominal robot would drive at ``v`` [m/s] and ``omega`` [rad/s]."""
+        if not self._cut:
+            super().command(v, omega)

@@ -1,0 +1,47 @@
+"""Reads the ``[[fault]]`` tables of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+from muro_zenoh.config.descriptions import show
+from muro_zenoh.config.faults import KINDS, Fault, Place
+from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.reading import check_choice, read_section, read_table
+from muro_zenoh.errors import ConfigError
+
+
+def read_faults(rows: object, origin: Origin, robots: Collection[str], cameras: Collection[str]) -> tuple[Fault, ...]:
+    """The faults of a file.
+
+    Args:
+        rows: the ``[[fault]]`` tables.
+        origin: their origin, for errors.
+        robots: the names of the robots.
+        cameras: the names of the cameras.
+
+    Raises:
+        ConfigError: not tables, an unknown kind, a wrong key, type or range, or a target that there is not.
+    """
+    if not isinstance(rows, Sequence) or isinstance(rows, str):
+        raise ConfigError(origin.at("fault"), got=show(rows), expected="tables [[fault]]")
+    return tuple(_read(row, origin, f"fault[{number}]", robots, cameras) for number, row in enumerate(rows))
+
+
+def _read(row: object, origin: Origin, path: str, robots: Collection[str], cameras: Collection[str]) -> Fault:
+    table: dict[str, Any] = dict(read_table(row, origin, path))
+    kind = check_choice(table.pop("kind", None), tuple(KINDS), origin, f"{path}.kind")
+    fault = read_section(KINDS[kind], table, origin, path)
+    check_choice(fault.target, _targets(fault.places, robots, cameras), origin, f"{path}.target")
+    return fault
+
+
+def _targets(places: Collection[Place], robots: Collection[str], cameras: Collection[str]) -> tuple[str, ...]:
+    names = {
+        Place.ROBOT: tuple(robots),
+        Place.AGENT: tuple(f"{name}/agent" for name in robots),
+        Place.BASE: tuple(f"{name}/base" for name in robots),
+        Place.CAMERA: tuple(f"camera/{name}" for name in cameras),
+    }
+    return tuple(target for place in places for target in names.get(place, (str(place),)))

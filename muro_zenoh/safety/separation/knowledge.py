@@ -1,0 +1,287 @@
+"""What one robot knows of the fleet: the lines of the snapshots that it received, and where the others are now."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
+from muro_zenoh.safety.separation.guidance import Near
+from muro_zenoh.safety.separation.line import LEAST_NEED, Line, Point, Stretch, line_between, nearest_on
+from muro_zenoh.safety.separation.path import stopping_distance
+from muro_zenoh.safety.separation.reach import travel_toward
+from muro_zenoh.safety.separation.settings import SeparationSettings
+
+Wall = tuple[float, float, float, float]
+"""A wall inside the arena, from x, y to x, y [m, world]."""
+
+WALL: Final = "the wall"
+GAP: Final = 0.3
+"""After a gap of this length in the snapshots a robot listens before it drives [s]: it may have missed those that the
+others obey."""
+_OLDEST_ROW: Final = 0.25
+_TOGETHER: Final = 6
+"""Snapshots whose lines are looked at together."""
+
+
+class Obstacle(NamedTuple):
+    """What does not keep apart by itself: a segment from (``x``, ``y``) by (``dx``, ``dy``) [m, world], the distance to
+    ``keep`` from it [m], and its ``name``."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+    keep: float
+    name: str
+
+
+class _Received:
+    """A snapshot: when it was sent [s, local clock], its stamp, epoch and rows, and the lines that were needed."""
+
+    __slots__ = ("epoch", "lines", "mine", "rows", "sent", "stamp")
+
+    def __init__(self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, Row]) -> None:
+        self.sent, self.stamp, self.epoch, self.mine, self.rows = sent, stamp, epoch, mine, rows
+        self.lines: dict[str, Line | None] = {}
+
+
+class _Mate(NamedTuple):
+    """A robot of the fleet in the newest snapshot: its row, body, time of its fix [s, local clock], the distance of the
+    centres to keep [m], and its heading's cosine and sine."""
+
+    row: Row
+    body: Body
+    captured: float
+    keep: float
+    c: float
+    s: float
+
+
+class Knowledge:
+    """What one robot knows.
+
+    Args:
+        name: the robot's name.
+        body: its size and limits.
+        others: bodies by name.
+        settings: how to keep apart.
+        walls: walls inside the arena.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        body: Body,
+        others: Mapping[str, Body],
+        settings: SeparationSettings,
+        walls: Sequence[Wall] = (),
+    ) -> None:
+        self._name, self._body, self._settings = name, body, settings
+        self._others = dict(others)
+        self._largest = max((*others.values(), body), key=lambda known: known.radius)
+        self._longest_stops = 2.0 * max(stopping_distance(known.v_max, known) for known in (*others.values(), body))
+        keep = body.radius + settings.wall_margin
+        self.walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
+        self._received: deque[_Received] = deque()
+        self._listening_since = math.inf
+        self._me: Row | None = None
+        self._mates: dict[str, _Mate] = {}
+        self._speeds: dict[str, float] = {}
+        self.obstacles: tuple[Obstacle, ...] = ()
+        """Robots that do not keep apart by themselves, in the newest snapshot."""
+        self._seen: list[tuple[Row, float, float, float]] = []
+
+    def learn(self, now: float, snapshot: SharedSnapshot | None) -> str:
+        """Take the newest snapshot; one that is known already changes nothing.
+
+        Args:
+            now: the time [s].
+            snapshot: all robots; None when there is none.
+
+        Returns:
+            Why the robot must not drive on what it knows; empty when it may.
+        """
+        if snapshot is not None and _is_finite(snapshot):
+            self._take(now - snapshot.age, snapshot)
+        else:
+            return "no fresh positions"
+        newest = self._received[-1].sent
+        if not now - newest <= self._settings.snapshot_limit:
+            return "no fresh positions"
+        if self._me is None or self._me.state != "tracking":
+            return "the cameras do not see it where it believes to be"
+        if newest - self._listening_since < self._span - 1e-6:
+            return "it listens before it drives"
+        return ""
+
+    @property
+    def _span(self) -> float:
+        """For how long before the newest snapshot another robot's may have been sent that it still obeys [s]."""
+        return self._settings.snapshot_limit + self._settings.hold
+
+    def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
+        received = self._received
+        for each in reversed(received):
+            if each.stamp == snapshot.stamp and each.epoch == snapshot.epoch:
+                return
+        rows = {row.name: row for row in snapshot.robots}
+        me = rows.pop(self._name, None)
+        mine = None if me is None else self._stretch(me, self._body)
+        taken = _Received(sent, snapshot.stamp, snapshot.epoch, mine, rows)
+        if received and sent < received[-1].sent:  # overtaken on its way: one more to obey, but nothing newer
+            received.insert(sum(each.sent < sent for each in received), taken)
+            return
+        if not received or sent - received[-1].sent > GAP:
+            self._listening_since = sent
+        received.append(taken)
+        oldest_row = max((min(row.age, _OLDEST_ROW) for row in rows.values()), default=0.0)
+        while received[0].sent < sent - self._span - oldest_row:
+            received.popleft()
+        self._me = me
+        self._look(sent, rows)
+
+    def _look(self, sent: float, rows: Mapping[str, Row]) -> None:
+        """Where the others are in the newest snapshot."""
+        obstacles: list[Obstacle] = []
+        self._mates, self._seen = {}, []
+        own = self._body.radius + self._settings.margin
+        for name, row in rows.items():
+            body = self._others.get(name)
+            c, s = math.cos(row.theta), math.sin(row.theta)
+            if body is not None and row.state == "tracking":
+                keep = own + body.radius
+                self._speeds[name] = row.v
+                self._mates[name] = _Mate(row, body, sent - row.age, keep, c, s)
+                self._seen.append((row, keep, row.v * c, row.v * s))
+            else:
+                keep = own + (body or self._largest).radius
+                obstacles.append(self._obstacle(row, body or self._largest, keep))
+                self._seen.append((row, keep, 0.0, 0.0))
+        self.obstacles = tuple(obstacles)
+
+    def _stretch(self, row: Row, body: Body) -> Stretch:
+        far = stopping_distance(row.v, body)
+        c, s = math.cos(row.theta), math.sin(row.theta)
+        keep = body.radius + 0.5 * self._settings.margin
+        return Stretch(row.x, row.y, row.x + far * c, row.y + far * s, row.v * c, row.v * s, keep)
+
+    def _obstacle(self, row: Row, body: Body, keep: float) -> Obstacle:
+        """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
+        v = self._speeds.get(row.name, 0.0)
+        far = v * self._settings.hold + stopping_distance(v, body)
+        return Obstacle(row.x, row.y, far * math.cos(row.theta), far * math.sin(row.theta), keep, row.name)
+
+    def lines(self, x: float, y: float, reach: float) -> list[Line]:
+        """The lines that a robot could cross.
+
+        Those of the newest snapshot as they are. Those of older ones only as far as the other robot can still come:
+        one that goes by the older snapshot drives at most until that is too old, and then brakes.
+
+        Args:
+            x: the robot's position [m, world].
+            y: the same.
+            reach: how far it comes at most [m].
+        """
+        found: list[Line] = []
+        *older, newest = self._received
+        for name, mate in self._mates.items():
+            row = mate.row
+            free = math.hypot(row.x - x, row.y - y) - mate.keep
+            # A line leaves a robot at least this part of the free floor between the two stretches.
+            part = LEAST_NEED / (2.0 * LEAST_NEED + mate.body.v_max)
+            if part * (free - self._longest_stops) > reach:
+                continue
+            line = self._line(newest, name)
+            if line is not None and line.nx * x + line.ny * y + reach > line.bound:
+                found.append(line)
+            horizon = newest.sent + self._span - mate.captured
+            if free <= reach + travel_toward(row.v, 0.0, mate.body, horizon):
+                self._older_lines(x, y, reach, name, mate, older, found)
+        return found
+
+    def _older_lines(
+        self, x: float, y: float, reach: float, name: str, mate: _Mate, older: list[_Received], found: list[Line]
+    ) -> None:
+        row = mate.row
+        for start in range(0, len(older), _TOGETHER):
+            group = older[start : start + _TOGETHER]
+            crossed: list[Line] = []
+            ahead = -1.0
+            for received in group:
+                line = self._line(received, name)
+                if line is not None and line.nx * x + line.ny * y + reach > line.bound:
+                    crossed.append(line)
+                    ahead = max(ahead, -line.nx * mate.c - line.ny * mate.s)
+            if not crossed:
+                continue
+            # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
+            drives = group[-1].sent + self._span - mate.captured
+            come = travel_toward(row.v, math.acos(min(1.0, ahead)), mate.body, drives)
+            for line in crossed:
+                nx, ny, bound, _ = line
+                there = nx * row.x + ny * row.y - mate.keep - come
+                if there <= bound:
+                    found.append(line)
+                elif nx * x + ny * y + reach > there:
+                    found.append(Line(nx, ny, there, name))
+
+    def _line(self, received: _Received, name: str) -> Line | None:
+        """The line of a snapshot between this robot and another; None when that did not keep apart by itself then."""
+        if name in received.lines:
+            return received.lines[name]
+        row, body = received.rows.get(name), self._others.get(name)
+        line = None
+        if row is not None and body is not None and row.state == "tracking" and received.mine is not None:
+            line = line_between(received.mine, self._stretch(row, body), name)
+        received.lines[name] = line
+        return line
+
+    def near(self, now: float, x: float, y: float, within: float) -> list[Near]:
+        """The neighbours and walls near a position, moved on to now; the nearest first.
+
+        Args:
+            now: the time [s].
+            x: the position [m, world].
+            y: the same.
+            within: how near [m].
+        """
+        if not self._received:
+            return []
+        found = []
+        age = now - self._received[-1].sent
+        for row, keep, vx, vy in self._seen:
+            old = age + row.age
+            px, py = row.x + vx * old, row.y + vy * old
+            away = math.hypot(px - x, py - y)
+            if away < within:
+                found.append((away - keep, Near(px, py, vx, vy, keep, row.name, row.theta, row.omega)))
+        for wall in self.walls:
+            px, py = nearest_on(wall.x, wall.y, wall.dx, wall.dy, x, y)
+            away = math.hypot(px - x, py - y)
+            if away < within:
+                found.append((away - wall.keep, Near(px, py, 0.0, 0.0, wall.keep, WALL)))
+        found.sort(key=lambda one: one[0])
+        return [one for _, one in found]
+
+
+def clearance(obstacle: Obstacle, points: Sequence[Point]) -> float:
+    """The least distance of a path's points from an obstacle [m].
+
+    Args:
+        obstacle: the obstacle.
+        points: the path [m, world].
+    """
+    least = math.inf
+    for x, y in points:
+        px, py = nearest_on(obstacle.x, obstacle.y, obstacle.dx, obstacle.dy, x, y)
+        least = min(least, math.hypot(px - x, py - y))
+    return least
+
+
+def _is_finite(snapshot: SharedSnapshot) -> bool:
+    return math.isfinite(snapshot.age + snapshot.stamp) and all(
+        math.isfinite(row.x + row.y + row.theta + row.v + row.omega + row.age) for row in snapshot.robots
+    )

@@ -1,0 +1,81 @@
+"""The way of a robot that drives to a place: round walls, through gates when it is its turn, past standing robots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from muro_zenoh.geometry import Bounds
+from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
+from muro_zenoh.safety.separation.guidance import Near
+from muro_zenoh.safety.separation.knowledge import WALL, Wall
+from muro_zenoh.safety.separation.line import Point
+from muro_zenoh.safety.separation.planner import Planner, Segment
+
+_STANDS = 1.0
+"""A robot that has stood for this time looks for a way round [s] ..."""
+_FOLLOWS = 3.0
+"""... and follows it for this time [s]."""
+_PLAN_PERIOD = 1.0
+_LOOK_AHEAD = 0.5
+_AT_PLACE = 0.1
+
+
+class Route:
+    """The way of one robot.
+
+    Args:
+        arena: the floor.
+        inside: where the robot's centre may be.
+        walls: walls inside the arena.
+        keep: what its centre keeps from a wall [m].
+    """
+
+    def __init__(self, arena: Bounds, inside: Bounds, walls: Sequence[Wall], keep: float) -> None:
+        self._planner = Planner(inside, [Segment(x, y, p - x, q - y, keep) for x, y, p, q in walls])
+        self._gates = gates_between(walls, arena, keep)
+        self._plan: list[Point] = []
+        self._plan_again = self._follow_until = -math.inf
+
+    def toward(
+        self, now: float, here: Point, velocity: Point, target: Point, near: Sequence[Near], stood: float, queues: bool
+    ) -> Point:
+        """The preferred velocity on the way to a place.
+
+        Args:
+            now: the time [s].
+            here: the robot's position [m, world].
+            velocity: the desired velocity [m/s], straight toward the place.
+            target: the place [m, world].
+            near: the neighbours.
+            stood: for how long the robot has stood [s].
+            queues: whether it lets others through a gate first.
+
+        Returns:
+            The velocity [m/s], no faster than the desired one.
+        """
+        if self._planner.sees(here, target) and stood < _STANDS and now >= self._follow_until:
+            return velocity
+        if now >= self._plan_again:
+            slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < 0.05]
+            self._plan = self._planner.way(here, target, slow)
+            self._plan_again = now + _PLAN_PERIOD
+            if stood >= _STANDS:
+                self._follow_until = now + _FOLLOWS
+        speed = math.hypot(*velocity)
+        gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates and queues else None
+        place = place_to_wait(gate, *here, near) if gate is not None else None
+        if place is not None:
+            return (
+                _toward(here, place, min(speed, math.dist(place, here)))
+                if math.dist(place, here) > _AT_PLACE
+                else (0.0, 0.0)
+            )
+        ahead = (p for p in reversed(self._plan) if math.dist(p, here) <= _LOOK_AHEAD and self._planner.sees(here, p))
+        point = next(ahead, None)
+        return velocity if point is None or math.dist(point, here) < 0.05 else _toward(here, point, speed)
+
+
+def _toward(here: Point, there: Point, speed: float) -> Point:
+    away = math.dist(here, there)
+    return speed * (there[0] - here[0]) / away, speed * (there[1] - here[1]) / away

@@ -1,0 +1,203 @@
+"""Applies a scenario's faults to the processes of a run: signals to processes, and relays on links."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import signal
+from collections.abc import Callable, Collection, Mapping
+from contextlib import AsyncExitStack
+from types import TracebackType
+
+from muro_zenoh.config import Scenario
+from muro_zenoh.config.faults import DelayFault, Fault, JitterFault, LinkFault, PartitionFault, Place, StallFault
+from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.scoring.observed import FaultSeen
+from muro_zenoh.supervision.child import Child
+from muro_zenoh.supervision.fault_targets import befallen, relayed
+from muro_zenoh.supervision.relay import Conditions, Passage, Relay
+
+
+class Links:
+    """The relays of a run: one for each process whose link a fault befalls. An ``async with`` block.
+
+    Args:
+        scenario: the scenario.
+        seed: of the jitter.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self._scenario = scenario
+        self._relays = {name: Relay(seed + index) for index, name in enumerate(relayed(scenario))}
+        self._stack = AsyncExitStack()
+
+    @property
+    def endpoints(self) -> Mapping[str, str]:
+        """Where these processes connect, by name; all others connect to the router."""
+        return {name: relay.endpoint for name, relay in self._relays.items()}
+
+    def lead_to(self, endpoint: str) -> None:
+        """Connect the processes to this router from now on.
+
+        Args:
+            endpoint: the router's: ``tcp/HOST:PORT``.
+        """
+        host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+        for relay in self._relays.values():
+            relay.lead_to(host, int(port))
+
+    def befall(self, faults: Collection[Fault]) -> None:
+        """Set the state of every link.
+
+        Args:
+            faults: those that last now.
+        """
+        links = [(fault, befallen(fault, self._scenario)) for fault in faults if isinstance(fault, LinkFault)]
+        for name, relay in self._relays.items():
+            here = [fault for fault, names in links if name in names]
+            relay.set(conditions(here, "in"), conditions(here, "out"))
+
+    async def __aenter__(self) -> Links:
+        for relay in self._relays.values():
+            await self._stack.enter_async_context(relay)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self._stack.aclose()
+
+
+def conditions(faults: Collection[LinkFault], direction: str) -> Conditions:
+    """The state of a process's link in one direction.
+
+    Args:
+        faults: those of this link.
+        direction: ``in`` or ``out``, as the process sees it.
+    """
+    delay, jitter, passage = 0.0, 0.0, Passage.OPEN
+    for fault in faults:
+        # What goes out of the router comes in to the process.
+        seen = {"in": "out", "out": "in"}.get(direction) if fault.place is Place.ROUTER else direction
+        if fault.direction not in ("both", seen):
+            continue
+        if isinstance(fault, DelayFault):
+            delay += fault.delay
+        elif isinstance(fault, JitterFault):
+            jitter += fault.jitter
+        elif isinstance(fault, StallFault):
+            passage = max(passage, Passage.STALLED)
+        elif isinstance(fault, PartitionFault):
+            passage = max(passage, Passage.PARTITIONED)
+    return Conditions(delay, jitter, passage)
+
+
+class Faults:
+    """The faults of a run.
+
+    Args:
+        scenario: the scenario.
+        links: the relays.
+        children: the current children by name, the router's among them.
+        clock: for the times of the report.
+        notify: called with a line for the operator when a fault begins and ends.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        links: Links,
+        children: Callable[[], Mapping[str, Child]],
+        clock: Clock,
+        notify: Callable[[str], None],
+    ) -> None:
+        self._scenario = scenario
+        self._links = links
+        self._children = children
+        self._clock = clock
+        self._notify = notify
+        self._seen = [FaultSeen(fault.kind, fault.target) for fault in scenario.faults]
+        self._lasting: dict[int, Fault] = {}
+
+    @property
+    def seen(self) -> tuple[FaultSeen, ...]:
+        """What has become of each fault so far."""
+        return tuple(self._seen)
+
+    @property
+    def lasting(self) -> tuple[str, ...]:
+        """The faults that last now, for the operator."""
+        return tuple(described(fault) for fault in self._lasting.values())
+
+    async def run(self, begin: float) -> None:
+        """Let each fault begin and end at its time, until the last one has.
+
+        Args:
+            begin: when the run began, in the loop's time [s].
+        """
+        async with asyncio.TaskGroup() as tasks:
+            for number, fault in enumerate(self._scenario.faults):
+                tasks.create_task(self._befall(number, fault, begin), name=f"fault {number}")
+
+    async def _befall(self, number: int, fault: Fault, begin: float) -> None:
+        loop = asyncio.get_running_loop()
+        await asyncio.sleep(begin + fault.at - loop.time())
+        note = self._start(number, fault)
+        # After the deed, which takes less than a millisecond: nothing that came later is put down to it.
+        self._seen[number] = FaultSeen(fault.kind, fault.target, loop.time() - begin, None, self._clock.now(), note)
+        self._notify(f"fault: {described(fault)}{note and f': {note}'}")
+        if fault.end < math.inf:
+            await asyncio.sleep(begin + fault.end - loop.time())
+            self._end(number, fault)
+            self._seen[number] = self._seen[number]._replace(end=loop.time() - begin)
+            self._notify(f"fault over: {described(fault)}")
+
+    def _start(self, number: int, fault: Fault) -> str:
+        """Let a fault begin; returns why it had no effect."""
+        self._lasting[number] = fault
+        if isinstance(fault, LinkFault):
+            self._links.befall(self._lasting.values())
+            return ""
+        missing = []
+        for child in self._befallen(fault):
+            if child.pid is None:
+                missing.append(child.spec.name)
+            if fault.kind == "freeze":
+                child.signal(signal.SIGSTOP)
+                continue
+            if fault.end < math.inf:
+                child.may_restart.clear()
+            child.kill() if fault.kind == "crash" else child.terminate()
+        if fault.kind != "freeze" and fault.end == math.inf:
+            del self._lasting[number]  # the supervisor starts it anew
+        return f"{', '.join(missing)} was not running" if missing else ""
+
+    def _end(self, number: int, fault: Fault) -> None:
+        self._lasting.pop(number, None)
+        if isinstance(fault, LinkFault):
+            self._links.befall(self._lasting.values())
+            return
+        for child in self._befallen(fault):
+            if fault.kind == "freeze":
+                child.signal(signal.SIGCONT)
+            else:
+                child.may_restart.set()
+
+    def _befallen(self, fault: Fault) -> list[Child]:
+        children = self._children()
+        return [children[name] for name in befallen(fault, self._scenario)]
+
+
+def described(fault: Fault) -> str:
+    """A fault in a few words: its kind, its numbers and its target.
+
+    Args:
+        fault: the fault.
+    """
+    number = {"delay": "delay", "jitter": "jitter"}.get(fault.kind)
+    words = [fault.kind]
+    if number is not None:
+        words.append(f"{1e3 * getattr(fault, number):g} ms")
+    if isinstance(fault, LinkFault) and fault.direction != "both":
+        words.append(fault.direction)
+    return " ".join([*words, fault.target])

@@ -1,0 +1,274 @@
+"""Each promise has a record that keeps it and one that breaks it, and says how often it was evaluated."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from muro_zenoh.checking.contacts import ContactClass, contacts
+from muro_zenoh.checking.coverage import Activity
+from muro_zenoh.checking.operator import Ordered, Report
+from muro_zenoh.checking.promises import PROMISES, Breach, IncompleteRecord, judge
+from muro_zenoh.checking.record import PERIOD, Effect, Record
+from muro_zenoh.checking.trace import ProcessEnd
+from muro_zenoh.config.order import OrderRow
+from tests.support.records import aged, driving, fault, still
+
+
+def breaches(record: Record, promise: str) -> tuple[Breach, ...]:
+    return judge(record)[promise].breaches
+
+
+def with_effect(record: Record, kind: str, start: float, end: float, robot: str = "r2", **numbers: float) -> Record:
+    """The record with what a fault did to a robot."""
+    made = fault(kind, robot, start, end - start, **numbers)
+    effect = Effect(made, start, end, {robot: Activity.DRIVING})
+    return dataclasses.replace(record, effects=(*record.effects, effect))
+
+
+def test_a_fleet_that_stands_breaks_nothing() -> None:
+    judged = judge(still())
+    assert all(not judgement.breaches for judgement in judged.values())
+    assert {name for name, judgement in judged.items() if not judgement.evaluated} == {
+        "driven into",
+        "named",
+        "braking",
+        "stop",
+    }
+
+
+def test_every_promise_is_judged() -> None:
+    assert set(judge(still())) == {promise.name for promise in PROMISES}
+    # What no trial of a check evaluates is an error of the check, except where a fault or an order is needed.
+    always = {promise.name for promise in PROMISES if promise.always}
+    assert always <= {name for name, judgement in judge(driving(still(), 0, 1.0, 2.0)).items() if judgement.evaluated}
+
+
+class TestWhatCannotBeJudged:
+    def test_a_trace_that_begins_late(self) -> None:
+        whole = still()
+        late = {f.name: getattr(whole, f.name) for f in dataclasses.fields(whole)}
+        late = {k: v[50:] if isinstance(v, np.ndarray) else v for k, v in late.items()}
+        with pytest.raises(IncompleteRecord, match=r"first sample at 1\.00 s.*watched too late"):
+            judge(Record(**late))
+
+    def test_a_trace_with_a_gap(self) -> None:
+        whole = still()
+        with_gap = whole.time + np.where(whole.time > 5.0, 0.1, 0.0)
+        with pytest.raises(IncompleteRecord, match=r"gap of 0\.120 s"):
+            judge(dataclasses.replace(whole, time=with_gap))
+
+    def test_a_trace_that_ends_early_and_says_that_it_is_whole(self) -> None:
+        whole = still()
+        short = {f.name: getattr(whole, f.name) for f in dataclasses.fields(whole)}
+        short = {k: v[:-50] if isinstance(v, np.ndarray) else v for k, v in short.items()}
+        with pytest.raises(IncompleteRecord, match="last sample at 9"):
+            judge(Record(**short))
+        assert judge(Record(**{**short, "finished": False}))["finished"].breaches
+
+
+class TestNoContact:
+    """Two robots, 1 m apart, touch when one has driven 0.646 m: at 0.2 m/s after 3.23 s."""
+
+    def test_two_that_touch(self) -> None:
+        (breach,) = breaches(driving(still(), 0, 1.0, 5.0), "no contact")
+        assert breach.robots == ("r1", "r2")
+        assert breach.time == pytest.approx(1.0 + 3.23, abs=0.05)
+        assert str(breach) == "r1 touches r2 at 4.2 s"
+
+    def test_two_that_nearly_touch(self) -> None:
+        assert not breaches(driving(still(), 0, 1.0, 4.2), "no contact")
+
+    def test_two_contacts_of_the_same_pair(self) -> None:
+        twice = driving(driving(driving(still(), 0, 1.0, 4.5), 0, 4.5, 5.5, v=-0.2), 0, 5.5, 7.0)
+        assert len(breaches(twice, "no contact")) == 2
+
+    def test_a_carried_robot_is_not_ours(self) -> None:
+        carried = with_effect(driving(still(), 0, 1.0, 5.0), "carry", 3.0, 3.5, x=0.1)
+        assert not breaches(carried, "no contact")
+
+    def test_a_robot_that_was_carried_is_ours_again_after_two_seconds(self) -> None:
+        long_ago = with_effect(driving(still(), 0, 4.0, 9.0), "carry", 1.0, 1.5, x=0.1)
+        assert breaches(long_ago, "no contact")
+
+    def test_a_robot_put_down_on_another_is_ours_when_it_was_clear_of_it(self) -> None:
+        record = with_effect(still(), "carry", 1.0, 1.5, x=0.1)
+        record.pose[record.time > 1.5, 1, 0] = record.pose[0, 0, 0] + 0.3
+        assert [contact.kind for contact in contacts(record)] == [ContactClass.DISTURBED]
+        record.pose[(record.time > 5.0) & (record.time <= 6.0), 1, 0] += 0.2
+        assert [contact.kind for contact in contacts(record)] == [ContactClass.DISTURBED, ContactClass.OURS]
+
+    @pytest.mark.parametrize("kind", ["crash", "freeze", "partition", "halt"])
+    def test_information_faults_excuse_nothing(self, kind: str) -> None:
+        target = "r2/agent" if kind in ("crash", "freeze") else "r2"
+        record = driving(still(), 0, 1.0, 5.0)
+        effect = Effect(fault(kind, target, 1.0, 5.0), 1.0, 6.0, {"r2": Activity.DRIVING})
+        assert breaches(dataclasses.replace(record, effects=(effect,)), "no contact")
+
+
+class TestDrivenInto:
+    def test_a_liar_that_stands_is_driven_into(self) -> None:
+        record = with_effect(driving(still(), 0, 1.0, 5.0), "lie", 0.5, 9.0, x=1.0)
+        (breach,) = breaches(record, "driven into")
+        assert breach.robots == ("r1", "r2")
+        assert not breaches(record, "no contact")
+
+    def test_a_liar_that_drives_into_another(self) -> None:
+        record = with_effect(driving(still(), 1, 1.0, 5.0, v=-0.2), "lie", 0.5, 9.0, x=1.0)
+        assert [contact.kind for contact in contacts(record)] == [ContactClass.DISTURBED]
+        assert not breaches(record, "driven into")
+        assert judge(record)["driven into"].evaluated == 1
+
+    def test_one_that_was_put_down_just_now_could_not_be_seen(self) -> None:
+        record = with_effect(driving(still(), 0, 1.0, 5.0), "carry", 1.0, 3.2, x=0.1)
+        carried = (record.time > 1.0) & (record.time <= 3.2)
+        record.pose[:, 1, 1] += np.cumsum(np.where(carried, 0.05 * PERIOD, 0.0))
+        assert [contact.kind for contact in contacts(record)] == [ContactClass.DISTURBED]
+
+
+class TestNamed:
+    @staticmethod
+    def reported(record: Record, time: float, process: str, *reasons: str) -> Record:
+        return dataclasses.replace(record, reports=(*record.reports, Report(time, process, reasons)))
+
+    def lied(self) -> Record:
+        return with_effect(still(), "lie", 2.0, 8.0, x=1.0)
+
+    def test_nobody_says_anything(self) -> None:
+        (breach,) = breaches(self.lied(), "named")
+        assert breach.time == pytest.approx(3.0)
+        assert "r2 (lie)" in breach.what
+
+    def test_the_base_station_names_it_in_time(self) -> None:
+        assert not breaches(self.reported(self.lied(), 2.9, "basestation", "r2: its estimate is 1.0 m off"), "named")
+
+    def test_the_base_station_names_it_too_late(self) -> None:
+        assert breaches(self.reported(self.lied(), 3.1, "basestation", "r2: its estimate is 1.0 m off"), "named")
+
+    def test_it_names_another(self) -> None:
+        assert breaches(self.reported(self.lied(), 2.5, "basestation", "r1: its estimate is 1.0 m off"), "named")
+
+    def test_it_said_so_before_with_another_number(self) -> None:
+        early = self.reported(self.lied(), 1.0, "basestation", "r2: its estimate is 0.3 m off")
+        assert breaches(self.reported(early, 2.5, "basestation", "r2: its estimate is 1.0 m off"), "named")
+
+    def test_not_judged_while_the_base_station_is_down(self) -> None:
+        effect = Effect(fault("crash", "basestation", 2.5, 2.0), 2.5, 4.5, {"r1": Activity.DRIVING})
+        record = self.lied()
+        judged = judge(dataclasses.replace(record, effects=(*record.effects, effect)))["named"]
+        assert (judged.evaluated, judged.breaches) == (0, ())
+
+
+class TestBlind:
+    @pytest.mark.parametrize(("field", "limit"), [("good_command", 0.45), ("good_pose", 0.6), ("good_snapshot", 0.6)])
+    def test_wheels_turn_without_fresh_information(self, field: str, limit: float) -> None:
+        record = driving(still(), 0, 1.0, 3.0 + limit + 0.1)
+        record = dataclasses.replace(record, **{field: aged(getattr(record, field), record.time, 0, 3.0)})
+        (breach,) = breaches(record, "blind")
+        assert breach.robots == ("r1",)
+        assert breach.time == pytest.approx(3.0 + limit, abs=2.5 * PERIOD)
+
+    @pytest.mark.parametrize(("field", "limit"), [("good_command", 0.45), ("good_pose", 0.6), ("good_snapshot", 0.6)])
+    def test_wheels_stop_in_time(self, field: str, limit: float) -> None:
+        record = driving(still(), 0, 1.0, 3.0 + limit - PERIOD)
+        record = dataclasses.replace(record, **{field: aged(getattr(record, field), record.time, 0, 3.0)})
+        assert not breaches(record, "blind")
+
+    def test_before_any_information(self) -> None:
+        record = driving(still(), 0, 1.0, 2.0)
+        never = record.good_pose.copy()
+        never[:, 0] = -np.inf
+        (breach,) = breaches(dataclasses.replace(record, good_pose=never), "blind")
+        assert "never" in breach.what
+
+    def test_somebody_else_drives_it(self) -> None:
+        record = driving(still(), 1, 1.0, 5.0)
+        record = dataclasses.replace(record, good_command=aged(record.good_command, record.time, 1, 1.0))
+        assert breaches(record, "blind")
+        assert not breaches(with_effect(record, "foreign_driver", 1.0, 5.0, v=0.2), "blind")
+
+
+class TestBraking:
+    @staticmethod
+    def stopping(way: float) -> Record:
+        """At 0.2 m/s; from 3 s on commanded zero, it rolls on for so long [m]."""
+        record = driving(still(), 0, 1.0, 3.0)
+        rolls = (record.time > 3.0) & (record.time <= 3.0 + way / 0.2)
+        record.twist[rows_of(rolls), 0, 0] = 0.2
+        record.pose[:, 0, 0] += np.cumsum(np.where(rolls, 0.2 * PERIOD, 0.0))
+        return record
+
+    def test_within_its_braking_distance(self) -> None:
+        record = self.stopping(0.05)  # 0.2 m/s * 0.12 s + 0.2^2 / (2 * 0.8) m + 0.01 m = 0.059 m
+        assert not breaches(record, "braking")
+        assert judge(record)["braking"].evaluated == 1
+
+    def test_further(self) -> None:
+        (breach,) = breaches(self.stopping(0.08), "braking")
+        assert "travels 0.08 m after its command is zero, expected at most 0.06 m" in breach.what
+
+
+def rows_of(flags: np.ndarray) -> np.ndarray:
+    return np.flatnonzero(flags)
+
+
+class TestStop:
+    @staticmethod
+    def stopped(end: float, resumed: float | None = None, latched_until: float = 10.0) -> Record:
+        record = driving(still(), 0, 1.0, end)
+        record.latched[(record.time >= 2.0) & (record.time < latched_until), 0] = True
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), True),)
+        if resumed is not None:
+            orders += (Ordered(resumed, OrderRow(at=resumed, kind="resume"), True),)
+        return dataclasses.replace(record, orders=orders)
+
+    def test_it_stands(self) -> None:
+        assert not breaches(self.stopped(2.4), "stop")
+
+    def test_it_drives_on(self) -> None:
+        (breach,) = breaches(self.stopped(5.0), "stop")
+        assert breach.time == pytest.approx(2.5, abs=0.05)
+
+    def test_it_drives_after_a_resume(self) -> None:
+        record = self.stopped(2.4, resumed=4.0, latched_until=4.0)
+        assert not breaches(driving(record, 0, 4.0, 5.0), "stop")
+
+    def test_its_latch_opens_without_a_resume(self) -> None:
+        record = self.stopped(2.4, latched_until=4.0)
+        (breach,) = breaches(driving(record, 0, 5.0, 6.0), "stop")
+        assert breach.time == pytest.approx(5.0, abs=0.05)
+
+
+class TestInside:
+    def test_it_leaves(self) -> None:
+        # From -0.5 m on at 0.3 m/s; its body reaches the wall at 2.1 m when it is at 1.923 m.
+        (breach,) = breaches(driving(still(1), 0, 0.0, 7.0, v=0.3), "inside")
+        assert breach.time == pytest.approx(1.923 / 0.3, abs=0.05)
+        assert str(breach) == "r1 leaves the arena (by 0.18 m) at 6.4 s"
+
+    def test_it_turns_round_in_time(self) -> None:
+        assert not breaches(driving(still(1), 0, 0.0, 6.0, v=0.3), "inside")
+
+    def test_it_was_put_down_outside(self) -> None:
+        record = with_effect(still(), "carry", 1.0, 1.5, x=2.5)
+        record.pose[record.time > 1.5, 1, 0] = 3.0
+        assert not breaches(record, "inside")
+        record.pose[record.time > 6.0, 1, 0] = 0.5
+        record.pose[record.time > 8.0, 1, 0] = 3.0
+        assert len(breaches(record, "inside")) == 1
+
+
+def test_a_behaviour_that_fails() -> None:
+    record = still()
+    failed = Report(2.0, "r1", ("behaviour mine:turn: ZeroDivisionError",), "behaviour mine:turn: ZeroDivisionError")
+    (breach,) = breaches(dataclasses.replace(record, reports=(*record.reports, failed, failed)), "behaves")
+    assert "ZeroDivisionError" in breach.what
+
+
+def test_a_process_that_fails() -> None:
+    ends = (ProcessEnd(3.0, "r2/agent", "ValueError('x')"), ProcessEnd(4.0, "basestation", ""))
+    (breach,) = breaches(dataclasses.replace(still(), ends=ends), "survives")
+    assert breach.robots == ("r2",)
+    assert breach.what == "the process r2/agent ends with ValueError('x')"

@@ -1,0 +1,106 @@
+"""The separation filter: what passes, what does not, and what cannot be used."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from muro_zenoh.behaviours.interface import Neighbour, Snapshot
+from muro_zenoh.geometry import STILL, Bounds, State, Twist2
+from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
+
+ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
+BODY = Body()
+FLEET = {"r1": BODY, "r2": BODY}
+AHEAD = Twist2(0.3, 0.1)
+
+
+def seen(*robots: Neighbour, stamp: float = 0.0) -> Snapshot:
+    return Snapshot(robots, stamp, 1, 0.0)
+
+
+def row(name: str, x: float, y: float, theta: float = 0.0, v: float = 0.0, state: str = "tracking") -> Neighbour:
+    return Neighbour(name, x, y, theta, v, 0.0, 0.0, state)
+
+
+def separation(*robots: Neighbour) -> Separation:
+    """The filter of r1, which has stood and listened for a second."""
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings())
+    for k in range(-20, 0):
+        now = 0.05 * k
+        made.step(now, State(0.0, 0.0, 0.0, 0.0, 0.0), STILL, Snapshot(robots or (row("r1", 0.0, 0.0),), now, 1, 0.0))
+    return made
+
+
+def test_a_robot_alone_drives_as_it_wants() -> None:
+    step = separation().step(0.0, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, seen(row("r1", 0.0, 0.0, v=0.3)))
+    assert step == (AHEAD, "")
+
+
+def test_it_does_not_drive_into_another() -> None:
+    step = separation(row("r1", 0.0, 0.0), row("r2", 0.5, 0.0)).step(
+        0.0, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, seen(row("r1", 0.0, 0.0, v=0.3), row("r2", 0.5, 0.0))
+    )
+    assert step.twist.v < 0.15
+    assert "r2" in step.reason
+
+
+def test_it_does_not_drive_into_the_wall() -> None:
+    step = separation().step(0.0, State(1.85, 0.0, 0.0, 0.3, 0.0), AHEAD, seen(row("r1", 1.85, 0.0, v=0.3)))
+    assert step.twist.v < 0.15
+    assert "wall" in step.reason
+
+
+def test_without_positions_it_brakes() -> None:
+    step = separation().step(0.0, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, None)
+    assert step.twist == STILL
+    assert step.reason == "brakes: no fresh positions"
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["x", "y", "theta", "v", "omega", "age"])
+def test_a_snapshot_with_a_number_that_is_none_cannot_be_used(field: str, wrong: float) -> None:
+    garbage = row("r2", 1.0, 0.0)._replace(**{field: wrong})
+    step = separation().step(0.0, State(0.0, 0.0, 0.0, 0.0, 0.0), AHEAD, seen(row("r1", 0.0, 0.0), garbage))
+    assert step.twist == STILL
+    assert step.reason == "brakes: no fresh positions"
+
+
+def test_a_behaviour_that_holds_is_not_moved() -> None:
+    step = separation().step(
+        0.0, State(0.0, 0.0, 0.0, 0.0, 0.0), None, seen(row("r1", 0.0, 0.0), row("r2", 0.38, 0.0, math.pi, 0.1))
+    )
+    assert step == (STILL, "")
+
+
+def test_it_listens_before_it_drives() -> None:
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings())
+    at = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    reasons = [
+        made.step(0.05 * k, at, AHEAD, Snapshot((row("r1", 0.0, 0.0),), 0.05 * k, 1, 0.0)).reason for k in range(30)
+    ]
+    assert reasons[:17] == ["brakes: it listens before it drives"] * 17
+    assert reasons[17:] == [""] * 13
+
+
+def test_it_listens_again_after_a_gap() -> None:
+    made = separation()
+    at = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    assert made.step(0.0, at, AHEAD, Snapshot((row("r1", 0.0, 0.0),), 0.0, 1, 0.0)).reason == ""
+    assert made.step(0.35, at, AHEAD, Snapshot((row("r1", 0.0, 0.0),), 0.35, 1, 0.0)).reason.startswith("brakes")
+
+
+@pytest.mark.parametrize("state", ["disagrees", "stale", "lost"])
+def test_a_robot_that_the_cameras_do_not_see_where_it_believes_to_be_brakes(state: str) -> None:
+    step = separation().step(0.0, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, seen(row("r1", 0.0, 0.0, state=state)))
+    assert step.twist == STILL
+
+
+def test_a_robot_that_is_not_in_the_snapshot_brakes() -> None:
+    assert separation().step(0.0, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, seen(row("r2", 1.0, 0.0))).twist == STILL
+
+
+def test_an_old_snapshot_is_none() -> None:
+    old = Snapshot((row("r1", 0.0, 0.0),), -0.05, 1, 0.51)
+    assert separation().step(0.46, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, old).reason == "brakes: no fresh positions"
