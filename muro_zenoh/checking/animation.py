@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from muro_zenoh.checking.promises import Breach
+from muro_zenoh.checking.judgement import Breach
 from muro_zenoh.checking.record import PERIOD, Record
 from muro_zenoh.errors import MuroError
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from muro_zenoh.checking.promises import Breach
+from muro_zenoh.checking.judgement import Breach
 from muro_zenoh.checking.record import Record
 from muro_zenoh.checking.shrink import fewest
 from muro_zenoh.checking.trial import run_trial

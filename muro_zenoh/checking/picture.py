@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from muro_zenoh.checking.promises import CAMERA_AGE, COMMAND_AGE, Breach
+from muro_zenoh.checking.driving import CAMERA_AGE, COMMAND_AGE
+from muro_zenoh.checking.judgement import Breach
 from muro_zenoh.checking.record import Record
 from muro_zenoh.figures.canvas import BLUE, GREY, ORANGE, PAGE, PALE, plan_view, save, sheet, style
 from muro_zenoh.runtime.waiting import without_numbers

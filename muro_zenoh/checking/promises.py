@@ -46,48 +46,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from muro_zenoh.checking.contacts import STANDING, ContactClass, contacts, disturbances
+from muro_zenoh.checking.contacts import ContactClass, contacts, disturbances
+from muro_zenoh.checking.driving import CAMERA_AGE, COMMAND_AGE, blind, braking, stop
+from muro_zenoh.checking.judgement import Breach, Judgement, episodes
+from muro_zenoh.checking.naming import NAMED_WITHIN, named
 from muro_zenoh.checking.operator import Report
-from muro_zenoh.checking.record import PERIOD, Effect, Flags, Record
-from muro_zenoh.config.faults import Place
+from muro_zenoh.checking.record import PERIOD, Record
 from muro_zenoh.errors import MuroError
-
-COMMAND_AGE: Final = 0.45
-"""Wheels stand this time after the last good command, and after a stop was latched [s]."""
-
-CAMERA_AGE: Final = 0.6
-"""The same where the camera's age counts [s]."""
-
-NAMED_WITHIN: Final = 1.0
-"""A disturbed robot is named on health within this time [s]."""
-
-_SLACK: Final = 1.5 * PERIOD
-"""A time is seen this much too late at most [s]: by the sampling and by the base's beat."""
-
-_TRAVEL_SLACK: Final = 0.01
-"""Of a braking distance: the wheels' last step, and slip [m]."""
 
 _OUTSIDE: Final = 1e-3
 """A body may reach this far over the arena's edge [m]: a robot put down at the wall by its start."""
-
-
-class Breach(NamedTuple):
-    """A ``promise`` was broken at ``time`` [s], by these ``robots``: ``what`` happened, in words."""
-
-    promise: str
-    time: float
-    robots: tuple[str, ...]
-    what: str
-
-    def __str__(self) -> str:
-        return f"{self.what} at {self.time:.1f} s"
-
-
-class Judgement(NamedTuple):
-    """How many times a promise was ``evaluated`` in a record, and the ``breaches``."""
-
-    evaluated: int
-    breaches: tuple[Breach, ...]
 
 
 class Promise(NamedTuple):
@@ -153,132 +121,6 @@ def _of_class(record: Record, kind: ContactClass, promise: str, verb: str) -> tu
     )
 
 
-def _named(record: Record) -> Judgement:
-    evaluated, breaches = 0, []
-    for effect in record.effects:
-        if effect.fault.kind not in ("carry", "lie", "foreign_driver") or _is_hampered(record, effect):
-            continue
-        for name in effect.robots:
-            if effect.start + NAMED_WITHIN > record.time[-1]:
-                continue
-            evaluated += 1
-            if not _is_named(record, name, effect.start):
-                what = f"nobody has named {name} ({effect.fault.kind}) for {NAMED_WITHIN:g} s"
-                breaches.append(Breach("named", effect.start + NAMED_WITHIN, (name,), what))
-    return Judgement(evaluated, tuple(breaches))
-
-
-def _is_named(record: Record, name: str, start: float) -> bool:
-    """Whether a new reason about a robot was reported."""
-    before: dict[str, tuple[str, ...]] = {}
-    for report in record.reports:
-        if report.time <= start:
-            before[report.process] = report.reasons
-        elif report.time <= start + NAMED_WITHIN:
-            known = {_words(reason) for reason in before.get(report.process, ())}
-            for reason in report.reasons:
-                if name in _words(reason) and _words(reason) not in known:
-                    return True
-    return False
-
-
-def _words(reason: str) -> tuple[str, ...]:
-    """The words of a reason, without its numbers: an age that grows makes no new reason."""
-    words = (word.strip(",.:;()'\"") for word in reason.replace("'s", " ").split())
-    return tuple(word for word in words if not word.replace(".", "").isdigit())
-
-
-def _is_hampered(record: Record, effect: Effect) -> bool:
-    """Whether another fault befalls what the report about a robot needs."""
-    shared = (Place.BASESTATION, Place.CAMERA, Place.CAMERAS, Place.ROUTER)
-    return any(
-        other is not effect
-        and (other.fault.place in shared or other.fault.robot in effect.robots)
-        and other.start - NAMED_WITHIN < effect.start + NAMED_WITHIN
-        and effect.start < other.end + NAMED_WITHIN
-        for other in record.effects
-    )
-
-
-# ---- C: nobody drives blind
-
-
-def _blind(record: Record) -> Judgement:
-    driving = np.any(record.command != 0.0, axis=2)
-    now = record.time[:, None]
-    breaches = []
-    late = {
-        "the last command of its agent": now - record.good_command - COMMAND_AGE,
-        "the last picture of it": now - record.good_pose - CAMERA_AGE,
-    }
-    if record.scenario.separation.enabled:
-        late["the last snapshot of the fleet"] = now - record.good_snapshot - CAMERA_AGE
-    judged = ~_driven_by_others(record)
-    for what, excess in late.items():
-        blind = driving & judged & (excess > _SLACK)
-        for i, name in enumerate(record.names):
-            for first, last in _episodes(blind[:, i]):
-                limit = COMMAND_AGE if "command" in what else CAMERA_AGE
-                oldest = float((excess[first:last, i]).max()) + limit
-                age = f"{oldest:.2f} s" if np.isfinite(oldest) else "never"
-                breaches.append(
-                    Breach("blind", float(record.time[first]), (name,), f"{name} drives blind ({what}: {age})")
-                )
-    return Judgement(int(judged.sum()), tuple(breaches))
-
-
-def _driven_by_others(record: Record) -> Flags:
-    """Whether somebody else drives each robot (T, N)."""
-    driven = np.zeros((len(record.time), len(record.names)), dtype=bool)
-    for i, name in enumerate(record.names):
-        for effect in record.effects_on(name, "foreign_driver"):
-            driven[_between(record, effect.start - PERIOD, effect.end + COMMAND_AGE), i] = True
-    return driven
-
-
-def _braking(record: Record) -> Judgement:
-    evaluated, breaches = 0, []
-    disturbed = disturbances(record)
-    travelled = np.zeros(disturbed.shape)
-    travelled[1:] = np.cumsum(np.hypot(*np.moveaxis(np.diff(record.pose[..., :2], axis=0), -1, 0)), axis=0)
-    zero = np.all(record.command == 0.0, axis=2)
-    slowest = 1.0 - record.scenario.simulation.drive_error
-    for i, name in enumerate(record.names):
-        robot = record.scenario.robot[name]
-        speed = np.abs(record.twist[:, i, 0])
-        for first, last in _episodes(zero[:, i]):
-            stood = np.flatnonzero(speed[first:last] < STANDING)
-            if not first or not len(stood) or disturbed[first:last, i].any():
-                continue  # it stood from the start, or drove on before it stood
-            evaluated += 1
-            v = float(speed[first - 1])
-            allowed = v * (robot.lag + PERIOD) + 0.5 * v * v / (robot.brake * slowest) + _TRAVEL_SLACK
-            way = float(travelled[last - 1, i] - travelled[first, i])
-            if way > allowed:
-                what = f"{name} travels {way:.2f} m after its command is zero, expected at most {allowed:.2f} m,"
-                breaches.append(Breach("braking", float(record.time[first]), (name,), what))
-    return Judgement(evaluated, tuple(breaches))
-
-
-def _stop(record: Record) -> Judgement:
-    evaluated, breaches = 0, []
-    driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
-    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted]
-    for i, name in enumerate(record.names):
-        deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
-        for first, _ in _episodes(record.latched[:, i]):
-            evaluated += 1
-            begin = float(record.time[first])
-            # A latch that opens without a resume is a breach like one that does not hold, so it holds until then.
-            ends = [time for time in (*resumes, *deaths) if time > begin]
-            end = min(ends, default=float(record.time[-1]))
-            wrong = _between(record, begin + COMMAND_AGE + _SLACK, end) & driving[:, i]
-            if wrong.any():
-                at = float(record.time[np.argmax(wrong)])
-                breaches.append(Breach("stop", at, (name,), f"{name} drives although it was stopped"))
-    return Judgement(evaluated, tuple(breaches))
-
-
 # ---- where, and to the end
 
 
@@ -290,7 +132,7 @@ def _inside(record: Record) -> Judgement:
         x, y = record.pose[:, i, 0], record.pose[:, i, 1]
         over = np.maximum.reduce([arena.x_min - x, x - arena.x_max, arena.y_min - y, y - arena.y_max]) + radius
         out = over > _OUTSIDE
-        for first, last in _episodes(out):
+        for first, last in episodes(out):
             if disturbed[first, i]:
                 continue  # it was put down there, or driven there by somebody else
             far = float(over[first:last].max())
@@ -332,24 +174,13 @@ def _finished(record: Record) -> Judgement:
     return Judgement(1, (Breach("finished", at, (), "the trial does not go on"),))
 
 
-def _episodes(flags: Flags) -> list[tuple[int, int]]:
-    """The runs of True: first index, and the one after the last."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
-def _between(record: Record, start: float, end: float) -> Flags:
-    within: Flags = (record.time >= start) & (record.time <= end)
-    return within
-
-
 PROMISES: Final = (
     Promise("no contact", "robots that run the control loop and were not disturbed do not touch", _no_contact),
     Promise("driven into", "nobody drives into a disturbed robot that stands", _driven_into, always=False),
-    Promise("named", f"a disturbed robot is named on health within {NAMED_WITHIN:g} s", _named, always=False),
-    Promise("blind", f"zero {COMMAND_AGE:g} s after the last good information ({CAMERA_AGE:g} s: camera)", _blind),
-    Promise("braking", "after a zero a robot travels at most its braking distance", _braking, always=False),
-    Promise("stop", f"a stopped robot stands, from {COMMAND_AGE:g} s on until it is resumed", _stop, always=False),
+    Promise("named", f"a disturbed robot is named on health within {NAMED_WITHIN:g} s", named, always=False),
+    Promise("blind", f"zero {COMMAND_AGE:g} s after the last good information ({CAMERA_AGE:g} s: camera)", blind),
+    Promise("braking", "after a zero a robot travels at most its braking distance", braking, always=False),
+    Promise("stop", f"a stopped robot stands, from {COMMAND_AGE:g} s on until it is resumed", stop, always=False),
     Promise("inside", "nobody leaves the arena", _inside),
     Promise("behaves", "no behaviour fails or ends by itself", _behaves),
     Promise("survives", "no process ends by itself with an error", _survives),

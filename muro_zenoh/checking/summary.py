@@ -12,7 +12,8 @@ from typing import Any, Final
 from muro_zenoh.checking.check import COVERING, Report
 from muro_zenoh.checking.contacts import ContactClass
 from muro_zenoh.checking.coverage import CELLS, Activity, as_nested
-from muro_zenoh.checking.promises import PROMISES, Breach
+from muro_zenoh.checking.judgement import Breach
+from muro_zenoh.checking.promises import PROMISES
 from muro_zenoh.errors import MuroError
 from muro_zenoh.wording import counted
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from muro_zenoh.checking.faults import Effect
+from muro_zenoh.checking.effect import Effect
 from muro_zenoh.checking.witness import Informed
 from muro_zenoh.elementwise import Array
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from muro_zenoh.checking.contacts import contacts, disturbances
 from muro_zenoh.checking.coverage import Cell, cell_of
+from muro_zenoh.checking.judgement import Breach, Judgement
 from muro_zenoh.checking.operator import Operator
-from muro_zenoh.checking.promises import Breach, Judgement, judge
+from muro_zenoh.checking.promises import judge
 from muro_zenoh.checking.record import Record, make_record
 from muro_zenoh.checking.run import run_fleet
 from muro_zenoh.config import Scenario

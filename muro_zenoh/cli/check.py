@@ -13,7 +13,7 @@ from muro_zenoh.errors import ConfigError, MissingExtra
 
 if TYPE_CHECKING:
     from muro_zenoh.checking.check import Report
-    from muro_zenoh.checking.promises import Breach
+    from muro_zenoh.checking.judgement import Breach
     from muro_zenoh.checking.record import Record
     from muro_zenoh.checking.trial import Result
     from muro_zenoh.config import Scenario

@@ -1,7 +1,8 @@
 """The faults of a scenario, one ``[[fault]]`` each: what breaks, where, and when. docs/faults.md has examples.
 
 ``muro check`` applies every kind to a fleet in memory; ``muro run`` applies to real processes what can be done to them.
-Adding a kind: a class here with its numbers, in :data:`KINDS`, and what it does in :mod:`muro_zenoh.checking.faults`.
+Adding a kind: a class here with its numbers, in :data:`KINDS`, and what it does, in a table of
+:mod:`muro_zenoh.checking.faults`.
 """
 
 from __future__ import annotations

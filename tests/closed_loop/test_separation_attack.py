@@ -5,6 +5,7 @@ The whole attack: ``python benchmarks/safety.py --attack --states 1000000``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,8 +14,9 @@ import pytest
 
 from benchmarks.support.attack import KEPT, NEVER, Game, Player, play
 from benchmarks.support.attack_games import random_game, search
-from muro_zenoh.safety.separation import SeparationSettings, certificate, knowledge
+from muro_zenoh.safety.separation import Body, SeparationSettings, certificate, knowledge
 from muro_zenoh.safety.separation.line import Line, Stretch, line_between
+from muro_zenoh.safety.separation.reach import travel_toward
 
 SETTINGS = SeparationSettings()
 
@@ -33,21 +35,58 @@ def test_robots_that_obey_keep_their_margin(count: int, robots: int) -> None:
     assert least(games(count, robots)) >= KEPT
 
 
-@pytest.mark.parametrize(
-    "game",
-    [
-        # the lines of the last common snapshot given up while the one that goes blind still drives by them
-        (
-            Player(0.130, 0.209, -2.133, 22, cut=71, freezes=112, wakes=237, mended=202, idea=2, seed=1605467077),
-            Player(-0.100, -0.356, 1.563, 24, loss=0.2, cut=4, mended=169, phase=3, waits=107, seed=34801515),
-        ),
-        # a robot at rest that faces away sets off backwards as it goes blind
-        (Player(0.0, 0.0, 2.947, cut=5, freezes=48, wakes=NEVER, waits=42), Player(0.5252, 0.0, 3.2145, 4)),
-    ],
-    ids=["window", "backwards"],
+GOES_BLIND = (
+    Player(
+        0.072915,
+        0.380371,
+        -1.671023,
+        10,
+        0.2,
+        46,
+        160,
+        phase=2,
+        freezes=57,
+        wakes=148,
+        holds=16,
+        waits=9,
+        idea=4,
+        seed=2046118312,
+    ),
+    Player(
+        -0.349683,
+        0.012478,
+        -0.443633,
+        7,
+        cut=20,
+        mended=253,
+        freezes=60,
+        wakes=219,
+        waits=35,
+        seed=1339054785,
+        scale=0.97655,
+    ),
 )
+"""Both go by an old snapshot, then blind."""  # fmt: skip
+BACKS_UP = (Player(0.0, 0.0, 2.947, cut=5, freezes=48, wakes=NEVER, waits=42), Player(0.5252, 0.0, 3.2145, 4))
+"""The first stands, faces away, and sets off backwards as it goes blind."""
+
+
+@pytest.mark.parametrize("game", [GOES_BLIND, BACKS_UP])
 def test_what_the_attack_once_found(game: Game) -> None:
     assert play([game], SETTINGS)[0].clearance >= KEPT
+
+
+def test_lines_given_up_too_early_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(knowledge.Knowledge, "_span", 0.2)
+    assert play([GOES_BLIND], SETTINGS)[0].clearance < KEPT
+
+
+def test_one_that_is_taken_not_to_back_up_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    def forwards(v: float, turn: float, body: Body, time: float) -> float:
+        return travel_toward(v, turn, body, time) if turn < 0.5 * math.pi else 0.0
+
+    monkeypatch.setattr(knowledge, "travel_toward", forwards)
+    assert play([BACKS_UP], SETTINGS)[0].clearance < KEPT
 
 
 def test_a_search_finds_no_way_round_it() -> None:

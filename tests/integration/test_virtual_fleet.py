@@ -69,6 +69,14 @@ def test_every_fault_begins_does_something_and_ends(fault: dict[str, Any]) -> No
     assert effect.occurred, str(effect)
 
 
+@pytest.mark.parametrize("target", ["router", "basestation", "r1/agent"])
+def test_a_kill_that_lasts_to_the_end_of_the_run_has_its_effect_too(target: str) -> None:
+    trace = run_fleet(lab({"kind": "crash", "target": target, "at": 4.0}), 1)
+    assert trace.effects[0].occurred
+    assert not np.isfinite(trace.effects[0].ended)
+    assert not commanded(trace, "r1", 5.9)
+
+
 @pytest.fixture(scope="module")
 def unharmed() -> Trace:
     """A run without faults."""

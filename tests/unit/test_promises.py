@@ -9,8 +9,9 @@ import pytest
 
 from muro_zenoh.checking.contacts import ContactClass, contacts
 from muro_zenoh.checking.coverage import Activity
+from muro_zenoh.checking.judgement import Breach
 from muro_zenoh.checking.operator import Ordered, Report
-from muro_zenoh.checking.promises import PROMISES, Breach, IncompleteRecord, judge
+from muro_zenoh.checking.promises import PROMISES, IncompleteRecord, judge
 from muro_zenoh.checking.record import PERIOD, Effect, Record
 from muro_zenoh.checking.trace import ProcessEnd
 from muro_zenoh.config.order import OrderRow

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from muro_zenoh.checking.judgement import Breach
 from muro_zenoh.checking.minimal import AFTER, minimal
-from muro_zenoh.checking.promises import Breach
 from muro_zenoh.checking.random_trial import random_trial
 from muro_zenoh.checking.shrink import fewest
 from muro_zenoh.config import Scenario

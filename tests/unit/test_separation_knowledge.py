@@ -1,0 +1,79 @@
+"""Which lines a robot obeys: the newest snapshot's, and older ones' as far as the other can still come."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from muro_zenoh.behaviours.interface import Neighbour, Snapshot
+from muro_zenoh.safety.separation import Body, SeparationSettings
+from muro_zenoh.safety.separation.knowledge import Knowledge
+
+BODY = Body()
+SETTINGS = SeparationSettings()
+
+
+def bounds_after(theta: float, *, changed_at: float = 0.0, until: float = 0.0) -> list[float]:
+    """How far r0 at the origin may go, along x, on account of r1, which stands at 0.8 m with a heading. Both stood, so
+    that each has half of the free 0.4 m; from ``changed_at`` on r0 drives, and gets six sevenths of what is free."""
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k in range(round((until + 1.0) / 0.05) + 1):
+        sent = -1.0 + 0.05 * k
+        v = 0.5 if sent >= changed_at - 1e-9 else 0.0
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, v, 0.0, 0.0), Neighbour("r1", 0.8, 0.0, theta, 0.0, 0.0, 0.0))
+        known.learn(sent, Snapshot(rows, sent, 1, 0.0))
+    lines = known.lines(0.0, 0.0, 1.0)
+    assert all((line.nx, line.ny) == pytest.approx((1.0, 0.0)) for line in lines)
+    return [line.bound for line in lines]
+
+
+NEWEST = 0.13 + (0.4 - 0.13) * 6.0 / 7.0
+"""Braking from 0.5 m/s takes 0.13 m."""
+
+
+def test_one_that_may_still_come_by_an_older_snapshot_keeps_its_half() -> None:
+    assert min(bounds_after(math.pi)) == pytest.approx(0.2)
+
+
+def test_one_that_cannot_turn_round_by_then_does_not_matter() -> None:
+    assert min(bounds_after(0.0)) == pytest.approx(NEWEST)
+
+
+def test_the_line_of_the_newest_snapshot_is_obeyed_as_it_is() -> None:
+    assert bounds_after(0.0, changed_at=1e9) != []
+    assert min(bounds_after(0.0, changed_at=1e9)) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("until", "bound"), [(0.2, 0.2), (0.85, NEWEST)])
+def test_an_older_line_matters_less_the_less_time_is_left_to_drive_by_it(until: float, bound: float) -> None:
+    """The last of the first kind was sent at -0.05 s: it is too old at 0.45 s, and the dead-man acts 0.35 s later."""
+    assert min(bounds_after(math.pi, until=until)) == pytest.approx(bound, abs=0.03)
+
+
+def test_a_snapshot_that_was_overtaken_is_obeyed_but_shows_nothing() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k, x in ((0, 0.8), (2, 0.9), (1, 0.7)):
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", x, 0.0, math.pi, 0.0, 0.0, 0.0))
+        known.learn(0.1, Snapshot(rows, 0.05 * k, 1, 0.1 - 0.05 * k))
+    assert sorted(line.bound for line in known.lines(0.0, 0.0, 1.0)) == pytest.approx([0.15, 0.2, 0.25], abs=0.02)
+    assert [near.x for near in known.near(0.1, 0.0, 0.0, 2.0)] == [0.9]
+
+
+def test_a_lost_robot_may_have_gone_on_as_far_as_it_could_blind() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    me = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    known.learn(0.0, Snapshot((me, Neighbour("r1", 1.0, 0.0, math.pi, 0.4, 0.0, 0.0)), 0.0, 1, 0.0))
+    known.learn(0.3, Snapshot((me, Neighbour("r1", 1.0, 0.0, math.pi, 0.0, 0.0, 0.3, "stale")), 0.3, 1, 0.0))
+    (obstacle,) = known.obstacles
+    # 0.4 m/s for 0.35 s, then 0.4 -> 0.1 m/s at 1 m/s^2 and the lag: 0.14 + 0.075 + 0.01
+    assert (obstacle.x, obstacle.dx) == pytest.approx((1.0, -0.225))
+    assert obstacle.keep == pytest.approx(0.4)
+
+
+def test_a_foreign_robot_is_as_large_as_the_largest() -> None:
+    known = Knowledge("r0", BODY, {"r1": Body(radius=0.3)}, SETTINGS)
+    rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("stranger", 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    known.learn(0.0, Snapshot(rows, 0.0, 1, 0.0))
+    (obstacle,) = known.obstacles
+    assert (obstacle.name, obstacle.keep) == ("stranger", pytest.approx(0.177 + 0.3 + 0.046))
