@@ -153,6 +153,29 @@ async def run_simulator(scenario: Scenario, seed: int, *, cameras: bool = True) 
             await room.run()
 
 
+async def film(bus: Bus, scenario: Scenario, name: str, seed: int, executor: Executor) -> None:
+    """Film what a simulator in another process says, and report the camera's health.
+
+    Args:
+        bus: the bus.
+        scenario: the settings.
+        name: the camera's name.
+        seed: the simulator's.
+        executor: renders its pictures.
+    """
+    floor = DistantFloor(bus, scenario.robots)
+    camera = make_camera(bus, scenario, name, floor, seed, executor)
+    health = bus.publisher(channels.HEALTH, name)
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(camera.run(), name=f"camera {name}")
+        while True:
+            reasons = () if floor.look() is not None else ("nothing to be seen: no truth of every robot arrives",)
+            state = "waiting" if reasons else "filming"
+            numbers = {"frames": float(camera.captured), **bus.numbers()}
+            health.put(Health(role=Role.CAMERA, state=state, reasons=reasons, numbers=numbers))
+            await asyncio.sleep(channels.HEALTH.period)
+
+
 async def run_camera(scenario: Scenario, name: str, seed: int) -> None:
     """The process of one simulated camera, beside a simulator without cameras.
 
@@ -169,7 +192,6 @@ async def run_camera(scenario: Scenario, name: str, seed: int) -> None:
         raise ConfigError(f"camera {name}", got=repr(name), expected=f"one of {', '.join(scenario.camera) or 'none'}")
     async with open_bus(scenario.bus, Role.CAMERA) as bus:
         with worker_threads(1, "camera") as threads:
-            camera = make_camera(bus, scenario, name, DistantFloor(bus, scenario.robots), seed, threads)
             bus.announce(Role.CAMERA, name)
             ready("camera", name)
-            await camera.run()
+            await film(bus, scenario, name, seed, threads)

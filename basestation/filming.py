@@ -168,5 +168,5 @@ async def run_camera(scenario: Scenario, name: str, open_source: Callable[[], Fr
         async with open_bus(scenario.bus, Role.CAMERA) as bus:
             filming = Filming(bus, name, (settings.width, settings.height), quality, open_source, threads)
             bus.announce(Role.CAMERA, name)
-            ready(f"camera {name}")
+            ready("camera", name)
             await filming.run()
