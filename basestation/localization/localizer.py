@@ -94,6 +94,7 @@ class Localizer:
         self.floor = floor
         self.detector = detector
         self.tags = dict(tags)
+        self._to_base = {tag: mount.pose.inverse() for tag, (_, mount) in self.tags.items()}
         self.unknown_tags: frozenset[int] = frozenset()
         self.duplicate_tags: frozenset[int] = frozenset()
         self.misfit_tags: dict[int, float] = {}
@@ -193,7 +194,7 @@ class Localizer:
             if not (abs(side / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * side):
                 self.misfit_tags[marker.id] = side
                 continue
-            base = pose.compose(mount.pose.inverse())
+            base = pose.compose(self._to_base[marker.id])
             covariance = _covariance(slope, self._corner_noise, mount, base.theta)
             sightings.append((marker, Sighting(name, base, covariance, inside)))
         return sightings
