@@ -16,6 +16,7 @@ COMMANDS = {
     "set": "muro_zenoh.cli.orders:set_group",
     "topic": "muro_zenoh.cli.topic:topic",
     "localize": "muro_zenoh.cli.localize:localize",
+    "calibrate": "muro_zenoh.cli.calibrate:calibrate",
     "check": "muro_zenoh.cli.check:check",
     "figures": "muro_zenoh.cli.figures:figures",
 }
