@@ -55,10 +55,9 @@ class CameraOnBus:
 
     async def _look(self, frame: Received[Frame]) -> Sightings:
         captured = frame.captured(self._latency)
-        age = frame.age(self._bus.clock.now())
-        if age > channels.CAMERA.stale_after:  # the robots have moved since
-            late = f"camera {self._name}: frames arrive {age:.1f} s late"
-            return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
+        late = self._late(frame, captured)
+        if late is not None:
+            return late
         loop = asyncio.get_running_loop()
         try:
             found = await loop.run_in_executor(self._executor, self._locate, frame.message)
@@ -69,7 +68,19 @@ class CameraOnBus:
             bad = f"camera {self._name}: {error}"
             return Sightings(camera=self._name, captured=captured, frame="bad", complaints=(bad,))
         self._failing = False
+        # This process may have been suspended while it searched the frame.
+        late = self._late(frame, captured)
+        if late is not None:
+            return late
         return Sightings(camera=self._name, captured=captured, robots=found.robots, complaints=found.complaints)
+
+    def _late(self, frame: Received[Frame], captured: float) -> Sightings | None:
+        """Nothing seen, and why, when a frame is too old by now: the robots have moved since."""
+        age = frame.age(self._bus.clock.now())
+        if age <= channels.CAMERA.stale_after:
+            return None
+        late = f"camera {self._name}: frames arrive {age:.1f} s late"
+        return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
 
     def _locate(self, frame: Frame) -> Found:
         """In the executor."""

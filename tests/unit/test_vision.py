@@ -176,6 +176,30 @@ def test_a_frame_is_searched_up_to_half_a_second_after_its_time(
     run_virtually(main())
 
 
+def test_a_frame_that_is_old_once_it_is_searched_gives_no_poses() -> None:
+    """As when this process is suspended in between."""
+
+    class Suspended(InlineExecutor):
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
+            done = super().submit(fn, *args, **kwargs)
+            later: Any = type(done)()
+            asyncio.get_running_loop().call_later(0.6, later.set_result, done.result())
+            return later
+
+    async def main() -> None:
+        network, clock = MemoryNetwork(), VirtualClock()
+        async with make_bus(network.link(), clock=clock) as room, make_bus(network.link(), clock=clock) as bus:
+            watcher = Watched(bus, LAB, Suspended())
+            await asyncio.sleep(0)
+            room.publisher(channels.CAMERA, "north").put(picture(clock.now() - 0.05))
+            await asyncio.sleep(1.0)
+            assert [(seen.frame, seen.robots) for seen in watcher.seen] == [("stale", ())]
+            watcher.task.cancel()
+            await asyncio.wait({watcher.task})
+
+    run_virtually(main())
+
+
 def test_health_counts_the_frames_and_repeats_the_complaints() -> None:
     lab = parse_scenario(
         {"robots": 1, "all": {"tag_size": 0.3}, "camera": {"north": {}}}, "lab.toml", name="lab"
