@@ -25,10 +25,14 @@ _QUICKER = 0.02
 """A camera whose frames arrive so much earlier takes the lead [s]."""
 _BETTER = 0.3
 """A camera in whose picture a robot is so much farther inside takes the lead, of 1."""
-_ACCELERATION = 1.0
-"""What a robot may do between two frames, unseen [m/s^2]."""
+_ACCELERATION = 0.2
+"""What a robot does between two frames, unseen: typical, not the most [m/s^2]. A camera whose frames are older weighs
+less by it; were that much, the fix would change with the age of the other camera's frame."""
 _FAINT = 0.02
 """Least weight of a tag at the picture's edge: it counts for nothing beside a whole one."""
+_CALIBRATION = 0.002
+"""Standard deviation of a calibration's error [m]: without it the camera with the newest picture would outweigh the
+others, and a robot would jump by the difference of their errors where another one takes the lead."""
 _MOVED = 0.01
 """Standard deviation of what a camera sees that was moved [m]."""
 
@@ -187,8 +191,9 @@ class Fusion:
 
     def _weight(self, camera: str, sighting: Sighting, spread: float) -> float:
         distrust = _MOVED if camera in self._agreement.moved else 0.0
-        variance = 0.5 * (sighting.covariance[0] + sighting.covariance[4]) + spread * spread + distrust * distrust
-        return max(sighting.inside, _FAINT) / max(variance, 1e-12)
+        noise = 0.5 * (sighting.covariance[0] + sighting.covariance[4])
+        variance = noise + _CALIBRATION**2 + spread * spread + distrust * distrust
+        return max(sighting.inside, _FAINT) / variance
 
     def _mean(self, shares: list[_Share]) -> tuple[Pose2, tuple[float, ...]]:
         total = sum(share.weight for share in shares)

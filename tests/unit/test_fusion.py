@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from basestation.localization.agreement import Agreement
 from basestation.localization.belief import Belief, Reach
 from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
@@ -106,6 +107,16 @@ class TestHandOver:
         assert np.diff(times).max() < 0.12
         assert len(given) < 120 * 21, "not a fix per camera"
 
+    def test_a_robot_is_handed_over_bit_by_bit(self) -> None:
+        """Cameras that are 5 mm apart, without noise: no step is a third of that, once both have seen it."""
+        a, b = west(), east()
+        a.noise = b.noise = 0.0
+        a.bias, b.bias = (0.0025, 0.0, 0.0), (-0.0025, 0.0, 0.0)
+        _, given = fixes_of([a, b], {"r1": to_and_fro}, 60.0)
+        errors = [fix.pose.x - to_and_fro(t).x for t, _, fix in given if t > 1.0]
+        assert np.ptp(errors) > 0.004
+        assert np.abs(np.diff(errors)).max() < 0.0016
+
     def test_without_the_other_cameras_weight_it_would_jump(self) -> None:
         """The test above can fail: the two cameras' own sightings are apart by the difference of their errors."""
         a, b = west(), east()
@@ -179,6 +190,36 @@ class TestAMovedCamera:
         # Where the other camera sees the robot well it decides.
         assert np.median(errors) < 0.005
 
+    def test_its_jump_is_no_motion_of_the_robots(self) -> None:
+        """Taken for their speed, it would count twice in the next fixes."""
+
+        def still(t: float) -> Pose2:
+            return Pose2(0.0, 0.5, 1.0)
+
+        eyes = [west(), east()]
+        for eye in eyes:
+            eye.noise, eye.bias = 0.0, (0.0, 0.0, 0.0)
+        eyes[1].bumped, eyes[1].bumped_at = (0.016, 0.0, 0.0), 2.0
+        _, given = fixes_of(eyes, {"r1": still}, 4.0)
+        assert max(math.dist(fix.pose[:2], (0.0, 0.5)) for _, _, fix in given) < 0.0085
+
+    def test_where_it_alone_sees_a_robot_the_fix_is_as_uncertain_as_the_camera(self) -> None:
+        ways = {"r1": self.round_about(0.0), "r2": lambda t: Pose2(1.5, 0.0, 0.0)}
+        eyes = [west(), east()]
+        eyes[1].bumped, eyes[1].bumped_at = (0.012, 0.010, 0.0), 2.0
+        fusion, given = fixes_of(eyes, ways, 6.0)
+        assert set(fusion.moved) == {"east"}
+        alone = {t: fix.covariance for t, _, fix in given if fix.name == "r2"}
+        assert all(covariance[0] == COVARIANCE[0] for t, covariance in alone.items() if t < 2.0)
+        assert all(covariance[0] > 9e-5 < covariance[4] for t, covariance in alone.items() if t > 4.5)
+
+    def test_robots_that_are_pushed_apart_are_no_camera_that_moved(self) -> None:
+        agreement = Agreement()
+        assert agreement.jumped("north", [(0.02, 0.001), (0.021, 0.0), (0.02, -0.001)], 1.0)
+        assert not agreement.jumped("north", [(0.02, 0.0), (0.021, 0.05), (0.0, -0.05)], 1.0)
+        assert not agreement.jumped("north", [(0.006, 0.0)], 1.0), "one robot may brake hard"
+        assert not agreement.jumped("north", [], 1.0)
+
     def test_one_that_was_moved_before_the_start_is_one_of_two(self) -> None:
         eyes = [west(), east()]
         eyes[0].bias = (0.012, 0.010, 0.0)
@@ -227,17 +268,38 @@ class TestBelief:
             assert belief.doubt("r1", "north", Pose2(0.0, 0.0, 0.0), t) == ""
             assert belief.doubt("r1", "south", Pose2(1.0, 0.0, 0.0), t + 0.02) != ""
 
-    def test_flashes_elsewhere_are_never_believed(self) -> None:
+    FAR = Pose2(1.5, 0.0, 0.0)
+    """Too far from HOME to be reached in two seconds."""
+    HOME = Pose2(-1.5, 0.0, 0.0)
+
+    def test_flashes_here_and_there_are_never_believed(self) -> None:
+        """The robot is hidden, and something is seen in another place each time, for longer than a second."""
         belief = self.belief()
-        rng = np.random.default_rng(1)
-        for k in range(400):
-            t = 0.05 * k
-            if 100 <= k < 300:  # the robot is hidden, and something flashes here and there, too seldom for a robot
-                place = rng.uniform(1.0, 1.4, 2) * rng.choice((-1.0, 1.0), 2)
-                doubted = belief.doubt("r1", "north", Pose2(*place.tolist(), 0.0), min(t, 5.5))
-                assert doubted
-            else:
-                belief.doubt("r1", "north", Pose2(0.0, 0.0, 0.0), t)
+        belief.doubt("r1", "north", self.HOME, 0.0)
+        for k in range(1, 40):
+            place = Pose2(1.5, 1.2 * (-1.0) ** k, 0.0)
+            assert belief.doubt("r1", "north", place, 0.05 * k) != ""
+
+    def test_two_short_rows_of_sightings_elsewhere_are_no_long_one(self) -> None:
+        belief = self.belief()
+        belief.doubt("r1", "north", self.HOME, 0.0)
+        for t in (0.05, 0.25, 0.5, 1.2, 1.4, 1.6):  # nothing for 0.7 s in between
+            assert belief.doubt("r1", "north", self.FAR, t) != ""
+
+    def test_a_reflection_in_another_camera_does_not_keep_a_carried_robot_out(self) -> None:
+        belief = self.belief()
+        belief.doubt("r1", "north", self.HOME, 0.0)
+        believed = []
+        for k in range(1, 30):
+            believed.append(belief.doubt("r1", "north", self.FAR, 0.05 * k) == "")
+            belief.doubt("r1", "south", Pose2(1.5, 1.2, 0.0), 0.05 * k + 0.02)
+        assert believed == [False] * 20 + [True] * 9
+
+    def test_an_older_sighting_does_not_take_the_place_of_a_newer_one(self) -> None:
+        belief = self.belief()
+        belief.doubt("r1", "north", Pose2(0.0, 0.0, 0.0), 2.0)
+        assert belief.doubt("r1", "south", Pose2(0.4, 0.0, 0.0), 1.0) == ""
+        assert belief.doubt("r1", "north", Pose2(0.5, 0.0, 0.0), 2.05) != ""
 
     def test_a_robot_that_was_carried_is_believed_after_a_second(self) -> None:
         belief = self.belief()
