@@ -96,7 +96,6 @@ class Belief:
         row = self._elsewhere.get(name)
         if (
             row is None
-            or row.camera != camera
             or believed > row.begin  # seen in its old place meanwhile
             or captured - row.captured > _FORGOTTEN
             or not _can_reach(row.pose, pose, captured - row.captured, self._robots[name])
