@@ -6,6 +6,7 @@ import asyncio
 import logging
 
 from agents.control_loop import ControlLoop
+from agents.master import Master
 from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tasks.health import report_health
@@ -16,6 +17,7 @@ from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus, with_local_link
+from muro_zenoh.transport.station_clock import StationClock
 
 log = logging.getLogger(__name__)
 
@@ -40,22 +42,31 @@ class Agent:
         if separation is None:
             log.warning("%s: separation.enabled is false, so this robot drives into others and walls", name)
         self._loop = ControlLoop(name, settings, scenario.timeouts, separation)
+        self._master = Master(bus, name)
+        self._clock = StationClock(bus, scenario.clocks)
         self._sender = Sender(bus, name)
         self._listener = Listener(
-            bus, name, scenario.timeouts, frozenset({Need.SNAPSHOT}) if separation is not None else frozenset()
+            bus,
+            name,
+            self._master,
+            scenario.timeouts,
+            frozenset({Need.SNAPSHOT}) if separation is not None else frozenset(),
         )
         self._runner = BehaviourRunner(bus, scenario.vehicle(name), settings, self._loop, self._listener, self._sender)
 
     async def run(self) -> None:
         """Run all tasks; when one crashes, all are cancelled and the agent exits."""
         bus, name, loop, sender = self._bus, self._name, self._loop, self._sender
-        signals = Signals()
-        answer_goals(bus, name, loop, self._runner, signals)
+        signals, clock = Signals(), self._clock
+        answer_goals(bus, name, loop, self._runner, self._master, signals)
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(control(bus, name, loop, self._listener, sender, signals), name="control")
             tasks.create_task(obey_stops(bus, loop, sender, signals), name="stop")
             tasks.create_task(self._runner.run(), name="behaviour")
-            tasks.create_task(report_health(bus, name, loop, self._runner, signals), name="health")
+            tasks.create_task(
+                report_health(bus, name, loop, self._runner, clock, self._listener, signals), name="health"
+            )
+            tasks.create_task(clock.run(), name="clock")
 
 
 def _robot(scenario: Scenario, name: str) -> RobotSettings:

@@ -23,6 +23,7 @@ from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport.station_clock import StationClock
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +59,7 @@ class Room:
         self._wheels = {name: SimulatedWheels(self.floor, row, name) for row, name in enumerate(scenario.robot)}
         self._truth = [bus.publisher(channels.TRUTH, name) for name in scenario.robot]
         self._health = bus.publisher(channels.HEALTH, "simulator")
+        self._clock = StationClock(bus, scenario.clocks)
         self._bases = bus.latest(channels.BASE, "*", own_only=True)
 
     async def run(self) -> None:
@@ -68,6 +70,7 @@ class Room:
             tasks.create_task(self._publish_truth(), name="truth")
             for name, camera in self.cameras.items():
                 tasks.create_task(camera.run(), name=f"camera {name}")
+            tasks.create_task(self._clock.run(), name="clock")
             tasks.create_task(self._report(), name="health")
 
     async def _publish_truth(self) -> None:
@@ -87,7 +90,15 @@ class Room:
             reasons = self._reasons()
             waiting.note(self._bus.clock.now(), reasons)
             state = "waiting" if reasons else "running"
-            self._health.put(Health(role="simulator", state=state, reasons=reasons, numbers=self._numbers()))
+            self._health.put(
+                Health(
+                    role="simulator",
+                    state=state,
+                    reasons=reasons,
+                    complaints=self._clock.complaints(),
+                    numbers=self._numbers(),
+                )
+            )
             await asyncio.sleep(channels.HEALTH.period)
 
     def _reasons(self) -> tuple[str, ...]:
@@ -107,7 +118,7 @@ class Room:
             numbers[f"frames_captured_{name}"] = camera.captured
             numbers[f"frames_skipped_{name}"] = camera.skipped
             numbers[f"frames_lost_{name}"] = camera.lost
-        return numbers | self._bus.numbers()
+        return numbers | self._clock.numbers() | self._bus.numbers()
 
 
 def make_camera(

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
+from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from basestation.localization.of_scenario import make_fusion
 from basestation.localization.sightings import SightingSource
@@ -19,6 +20,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport.station_clock import answer_time
 
 
 class Station:
@@ -39,10 +41,12 @@ class Station:
 
     def __init__(self, bus: Bus, scenario: Scenario, state: Path | None, sources: Sequence[SightingSource]) -> None:
         self.store = StateStore(scenario, state)
+        self._bus = bus
         self._sources = sources
         self._positions = PositionsTask(bus, scenario.robots, make_fusion(scenario), scenario.timeouts.pose)
-        self._kept = KeptStateTask(bus, self.store)
-        self._orders = OrdersTask(bus, self.store, self._kept, self._positions)
+        leases = Leases(self.store.state.leases, bus.clock.now(), self.store.keep_leases)
+        self._kept = KeptStateTask(bus, self.store, leases)
+        self._orders = OrdersTask(bus, self.store, self._kept, leases, self._positions)
         self._bases = BasesTask(bus, self._positions.doubted)
         self._health = HealthTask(
             bus, self._kept, self._positions, self._bases, scenario.robots, tuple(scenario.camera)
@@ -55,6 +59,7 @@ class Station:
             ExceptionGroup: the exceptions of a task; a TransportError when another base station is running.
         """
         self._orders.listen()
+        answer_time(self._bus)
         try:
             async with asyncio.TaskGroup() as tasks:
                 for number, source in enumerate(self._sources):

@@ -7,6 +7,7 @@ turning.
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Mapping
 from contextlib import ExitStack
 from types import MappingProxyType
@@ -21,7 +22,11 @@ from muro_zenoh.errors import ConfigError
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
+from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus, open_bus, with_local_link
+from muro_zenoh.transport.station_clock import StationClock
+
+log = logging.getLogger(__name__)
 
 _BEAT = 0.02
 """The dead-man is checked this often [s]."""
@@ -149,4 +154,17 @@ async def run_base_process(scenario: Scenario, name: str) -> None:
         wheels = make_wheels(robot, bus.clock)
         bus.announce(Role.BASE, name)
         ready("base", name)
-        await run_base(bus, name, wheels, bus.clock, scenario.timeouts.command, robot.wheels)
+        station = StationClock(bus, scenario.clocks)
+        async with asyncio.TaskGroup() as tasks:
+            base = run_base(bus, name, wheels, bus.clock, scenario.timeouts.command, robot.wheels)
+            tasks.create_task(base, name="base")
+            tasks.create_task(station.run(), name="clock")
+            tasks.create_task(_log_complaints(station, bus.clock), name="log")
+
+
+async def _log_complaints(station: StationClock, clock: Clock) -> None:
+    """A base has no health message: its agent has."""
+    complaining = WaitingLog(log, "clock", "the clocks agree again")
+    while True:
+        complaining.note(clock.now(), station.complaints())
+        await asyncio.sleep(channels.HEALTH.period)

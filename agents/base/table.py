@@ -14,7 +14,7 @@ from agents.base.wheels import MakeWheels
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import ConfigError
 
-_NOT_WHEELS: Final = frozenset({"base", "run", "table", "wheels"})
+_NOT_WHEELS: Final = frozenset({"base", "obedience", "run", "table", "wheels"})
 
 
 def names() -> tuple[str, ...]:

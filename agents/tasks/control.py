@@ -7,13 +7,14 @@ import math
 from typing import Any, Final, TypeVar
 
 from agents.control_loop import ControlLoop, Surroundings
+from agents.master import Master, SpeedWriters
 from agents.outgoing import Outgoing
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
 from muro_zenoh.config import TIMEOUTS, Timeouts
 from muro_zenoh.messages import Circle as CircleMessage
-from muro_zenoh.messages import FleetSnapshot, Message, PoseFix, SpeedReference
+from muro_zenoh.messages import FleetSnapshot, Message, PoseFix
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
 
 T = TypeVar("T", bound=Message)
@@ -54,19 +55,26 @@ class Listener:
     Args:
         bus: the bus.
         name: the robot's name.
+        master: whose velocities count.
         timeouts: how old the positions of all robots may be.
         always: what is received whatever the behaviour needs.
     """
 
     def __init__(
-        self, bus: Bus, name: str, timeouts: Timeouts = TIMEOUTS, always: frozenset[Need] = frozenset()
+        self,
+        bus: Bus,
+        name: str,
+        master: Master,
+        timeouts: Timeouts = TIMEOUTS,
+        always: frozenset[Need] = frozenset(),
     ) -> None:
         self._always = always
         self._snapshot_timeout = timeouts.snapshot
         self._bus = bus
         self._name = name
+        self._master = master
         self._circle: Latest[CircleMessage] | None = None
-        self._speed: Latest[SpeedReference] | None = None
+        self._speed: SpeedWriters | None = None
         self._snapshot: Latest[FleetSnapshot] | None = None
 
     def need(self, needs: frozenset[Need]) -> None:
@@ -80,7 +88,7 @@ class Listener:
             self._speed.close()
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
         self._snapshot = self._needed(Need.SNAPSHOT in needs, self._snapshot, channels.ALL_POSITIONS)
-        self._speed = self._bus.latest(channels.VELOCITY, self._name) if Need.SPEED in needs else None
+        self._speed = SpeedWriters(self._bus, self._name, self._master) if Need.SPEED in needs else None
 
     def _needed(self, needed: bool, box: Latest[T] | None, channel: Channel[T]) -> Latest[T] | None:
         if needed:
@@ -89,14 +97,20 @@ class Listener:
             box.close()
         return None
 
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What was received and is not followed, for the operator."""
+        return (self._speed.complaint,) if self._speed is not None and self._speed.complaint else ()
+
     def surroundings(self, now: float) -> Surroundings:
         """What has been received until now.
 
         Args:
             now: the time [s].
         """
+        self._master.look()
         circle = self._circle.get() if self._circle is not None else None
-        speed, speed_age = _fresh(self._speed, now, channels.VELOCITY.stale_after)
+        speed, speed_age = self._speed.followed(now) if self._speed is not None else (None, math.inf)
         snapshot, snapshot_age = _fresh(self._snapshot, now, self._snapshot_timeout)
         return Surroundings(
             circle.message.circle if circle is not None else None,

@@ -8,11 +8,12 @@ import logging
 
 from agents.control_loop import ControlLoop
 from agents.tasks.behaviour import BehaviourRunner
-from agents.tasks.control import Signals
+from agents.tasks.control import Listener, Signals
 from muro_zenoh import channels
 from muro_zenoh.messages import Health
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus
+from muro_zenoh.transport.station_clock import StationClock
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +25,8 @@ async def report_health(
     name: str,
     loop: ControlLoop,
     runner: BehaviourRunner,
+    clock: StationClock,
+    listener: Listener,
     signals: Signals,
 ) -> None:
     """Report until cancelled.
@@ -33,6 +36,8 @@ async def report_health(
         name: the robot's name.
         loop: the control loop; its measurements are cleared.
         runner: runs the behaviour.
+        clock: ours against the base station's.
+        listener: receives what the behaviour needs.
         signals: wakes this task; its latencies are cleared.
     """
     publisher = bus.publisher(channels.HEALTH, name)
@@ -54,10 +59,12 @@ async def report_health(
                 state=_state(loop, runner),
                 reasons=loop.reasons,
                 note=loop.drive.take_note(),
+                complaints=(*listener.complaints, *clock.complaints()),
                 numbers={
                     "fixes": loop.tracking.fixes,
                     "commands": loop.commands,
                     "command_rate_hz": round(rate, 1),
+                    **clock.numbers(),
                     **{f"refused_{what.replace(' ', '_')}": count for what, count in loop.tracking.refused.items()},
                     **{f"separated_{why.replace(' ', '_')}": count for why, count in loop.drive.changes.items()},
                     **bus.numbers(),

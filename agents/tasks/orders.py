@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 
 from agents.control_loop import ControlLoop
+from agents.master import Master
 from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Sender, Signals
 from muro_zenoh import channels
@@ -33,7 +34,9 @@ async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signa
             signals.changed.set()
 
 
-def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner, signals: Signals) -> None:
+def answer_goals(
+    bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner, master: Master, signals: Signals
+) -> None:
     """Answer every goal for this robot: accepted, or refused with the reason. A stopped robot takes goals, and says so.
 
     Args:
@@ -41,6 +44,7 @@ def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner
         name: the robot's name.
         loop: the control loop, which has the current observations.
         runner: passes the goals to the behaviour.
+        master: whose orders count.
         signals: for the first pose, because an agent may have just started.
     """
 
@@ -51,7 +55,7 @@ def answer_goals(bus: Bus, name: str, loop: ControlLoop, runner: BehaviourRunner
         seen = loop.seen
         if seen is None:
             return Reply(accepted=False, reason=f"{name} has no pose yet, so it cannot plan")
-        refused = runner.go_to(Destination(goal.x, goal.y, goal.theta), seen)
+        refused = master.refusal(goal) or runner.go_to(Destination(goal.x, goal.y, goal.theta), seen)
         return Reply(accepted=not refused, reason=refused or loop.latch.reason)
 
     bus.answer(channels.GOAL_ORDER, answer, name=name)

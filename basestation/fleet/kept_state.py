@@ -14,7 +14,7 @@ from muro_zenoh.behaviours.interface import Vehicle
 from muro_zenoh.config import Scenario, check_settings
 from muro_zenoh.errors import ConfigError, OrderRefused, ParameterError
 from muro_zenoh.geometry import Circle
-from muro_zenoh.messages import Health, Name, Resume, SetBehaviour, SetCircle, Value
+from muro_zenoh.messages import Health, Lease, Name, Resume, SetBehaviour, SetCircle, Value
 from muro_zenoh.safety.stop import MAX_REVISION, may_be_of_count
 
 
@@ -55,6 +55,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         behaviour: of each robot.
         stop_all: everybody is stopped.
         stop_names: ... or these are.
+        leases: who may order which robots.
     """
 
     revision: Annotated[int, Meta(ge=0)] = 1
@@ -64,6 +65,7 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     behaviour: dict[Name, KeptBehaviour]
     stop_all: bool = False
     stop_names: tuple[Name, ...] = ()
+    leases: tuple[Lease, ...] = ()
 
     @classmethod
     def initial(cls, scenario: Scenario) -> KeptState:

@@ -11,10 +11,12 @@ import logging
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
+import msgspec
+
 from basestation.fleet.kept_state import KeptState
 from basestation.fleet.state_file import StateFile
 from muro_zenoh.config import Scenario
-from muro_zenoh.messages import Behaviour, Circle, Health, Resume, SetBehaviour, SetCircle, Stop, StopOrder
+from muro_zenoh.messages import Behaviour, Circle, Health, Lease, Resume, SetBehaviour, SetCircle, Stop, StopOrder
 
 log = logging.getLogger(__name__)
 
@@ -106,6 +108,16 @@ class StateStore:
         new = self.state.adopting(name, health)
         return self._hold(new) if new is not self.state else None
 
+    def keep_leases(self, leases: tuple[Lease, ...]) -> None:
+        """Keep the leases, for a base station that starts anew; one that cannot be written holds all the same.
+
+        Args:
+            leases: all that are in force.
+        """
+        self.state = msgspec.structs.replace(self.state, leases=leases)
+        writing = asyncio.ensure_future(self._written(self.state))
+        writing.add_done_callback(_log_failure)
+
     # ---- changes: they hold when they are on the disk
 
     async def set_circle(self, order: SetCircle) -> None:
@@ -168,3 +180,8 @@ class StateStore:
         done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         done.set_result(None)
         return done
+
+
+def _log_failure(writing: asyncio.Future[None]) -> None:
+    if not writing.cancelled() and (error := writing.exception()) is not None:
+        log.error("the leases hold, but are not saved: %s", error)

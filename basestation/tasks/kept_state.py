@@ -7,6 +7,7 @@ import contextlib
 import logging
 from collections.abc import Awaitable
 
+from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -33,16 +34,20 @@ class KeptStateTask:
     Args:
         bus: the bus.
         store: the kept state.
+        leases: who may order which robots.
 
     Attributes:
         adopted: whether all live agents have reported, or the time for it is over; until then nothing is published.
     """
 
-    def __init__(self, bus: Bus, store: StateStore) -> None:
+    def __init__(self, bus: Bus, store: StateStore, leases: Leases) -> None:
         self.adopted = False
         self._store = store
+        self._leases = leases
+        self._clock = bus.clock
         self._circle = bus.publisher(channels.CIRCLE)
         self._stop = bus.publisher(channels.STOP)
+        self._lease = bus.publisher(channels.LEASE)
         self._behaviours = {name: bus.publisher(channels.BEHAVIOUR, name) for name in store.robots}
         self._healths = bus.every(channels.HEALTH, "*", depth=256)
         self._roster = bus.roster()
@@ -68,8 +73,13 @@ class KeptStateTask:
             return
         self._stop.put(self._store.stop)
         self._circle.put(self._store.circle)
+        self.publish_leases()
         for name, publisher in self._behaviours.items():
             publisher.put(self._store.behaviour(name))
+
+    def publish_leases(self) -> None:
+        """Publish who may order which robots."""
+        self._lease.put(self._leases.state(self._clock.now()))
 
     async def _adopt(self, tasks: asyncio.TaskGroup) -> None:
         """Receive the robots' stop states: a latched stop that this process never received is kept from now on."""

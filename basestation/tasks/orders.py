@@ -10,12 +10,13 @@ import logging
 from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
+from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from basestation.tasks.kept_state import KeptStateTask
 from basestation.tasks.positions import PositionsTask
 from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, OrderRefused
-from muro_zenoh.messages import Clear, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
+from muro_zenoh.messages import Clear, Message, Reply, Resume, SetBehaviour, SetCircle, Stop, TakeLease
 from muro_zenoh.transport import Bus, Closable
 
 log = logging.getLogger(__name__)
@@ -30,13 +31,17 @@ class OrdersTask:
         bus: the bus.
         store: the kept state.
         kept: publishes it.
+        leases: who may order which robots.
         positions: the fleet's table.
     """
 
-    def __init__(self, bus: Bus, store: StateStore, kept: KeptStateTask, positions: PositionsTask) -> None:
+    def __init__(
+        self, bus: Bus, store: StateStore, kept: KeptStateTask, leases: Leases, positions: PositionsTask
+    ) -> None:
         self._bus = bus
         self._store = store
         self._kept = kept
+        self._leases = leases
         self._positions = positions
         self._declared: list[Closable] = []
         self._closed = False
@@ -48,6 +53,7 @@ class OrdersTask:
         self._answer(channels.SET_CIRCLE, self._set_circle)
         self._answer(channels.SET_BEHAVIOUR, self._set_behaviour)
         self._answer(channels.CLEAR, self._clear)
+        self._answer(channels.TAKE_LEASE, self._take_lease)
 
     def close(self) -> None:
         """Take no more orders: nothing would publish what they change. One that is on its way is refused."""
@@ -64,7 +70,7 @@ class OrdersTask:
             except MuroError as error:
                 log.info("%s: refused: %s", order, error)
                 return Reply(accepted=False, reason=str(error), revision=self._store.revision)
-            log.info("%s: accepted", order)
+            log.log(logging.DEBUG if isinstance(order, TakeLease) else logging.INFO, "%s: accepted", order)
             return Reply(accepted=True, revision=self._store.revision)
 
         self._declared.append(self._bus.answer(verb, answer))
@@ -84,12 +90,20 @@ class OrdersTask:
         self._kept.publish()
 
     async def _set_circle(self, order: SetCircle) -> None:
+        self._leases.check(order, (), self._bus.clock.now())
         await self._store.set_circle(order)
         self._kept.publish()
 
     async def _set_behaviour(self, order: SetBehaviour) -> None:
+        self._leases.check(order, order.names, self._bus.clock.now())
         await self._store.set_behaviour(order)
         self._kept.publish()
+
+    async def _take_lease(self, order: TakeLease) -> None:
+        before = self._store.state.leases
+        self._leases.take(order, self._store.robots, self._bus.clock.now())
+        if self._store.state.leases != before:
+            self._kept.publish_leases()
 
     async def _clear(self, order: Clear) -> None:
         if not self._positions.clear(order.name):

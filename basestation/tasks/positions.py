@@ -137,7 +137,7 @@ class PositionsTask:
     def _publish_all(self) -> None:
         for name, estimate in self._estimates.values().items():
             m = estimate.message
-            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.arrival - estimate.delay))
+            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.captured()))
         now = self._published = self._clock.now()
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
         before, self.doubts = self.doubts, self._table.doubts(now)

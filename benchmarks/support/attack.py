@@ -48,7 +48,8 @@ class Player(NamedTuple):
     it never receives; ``cut`` and ``mended``: no snapshot taken from the one to the other arrives; ``phase``: of its
     control loop; ``freezes`` and ``wakes``: its control loop decides nothing from the one to the other, and its base
     sets the wheels to zero ``holds`` after it froze; ``waits``: it stands until then; ``idea``: how it attacks;
-    ``seed``: of its luck; ``scale``: its wheels do so much more than nominal ones, which the others do not know.
+    ``seed``: of its luck; ``scale``: its wheels do so much more than nominal ones, which the others do not know;
+    ``every``: it receives one snapshot of so many, the one whose ``turn`` it is.
     """
 
     x: float
@@ -66,6 +67,8 @@ class Player(NamedTuple):
     idea: int = 0
     seed: int = 0
     scale: float = 1.0
+    every: int = 1
+    turn: int = 0
 
 
 Game = Sequence[Player]
@@ -212,6 +215,7 @@ class _Mind:
         taken = np.arange(-_BEFORE, TICKS + PERIOD, PERIOD)
         self._lost = (taken > 0) & (self._rng.random(len(taken)) < player.loss)
         self._lost |= (taken >= player.cut) & (taken < player.mended)
+        self._lost |= (taken > 0) & (np.arange(len(taken)) % player.every != player.turn)
         self._newest = -1
         self._victim, self._until = 0, 0
 

@@ -41,8 +41,9 @@ def random_game(rng: np.random.Generator, robots: int, settings: SeparationSetti
         gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))[np.triu_indices(robots, k=1)]
         if gaps.min() > keep:
             break
+    every = int(rng.integers(2, 6)) if rng.random() < 0.2 else 1  # no two receive the same ones
     players = []
-    for x, y in places.tolist():
+    for turn, (x, y) in enumerate(places.tolist()):
         heading = rng.uniform(-math.pi, math.pi)
         if rng.random() < 0.5:  # towards the middle
             heading = math.atan2(-y, -x) + rng.normal(0.0, 0.4)
@@ -70,6 +71,8 @@ def random_game(rng: np.random.Generator, robots: int, settings: SeparationSetti
                 idea=int(rng.choice(len(IDEAS), p=(0.35, 0.25, 0.15, 0.1, 0.15))),
                 seed=int(rng.integers(0, 2**31)),
                 scale=float(rng.choice((1.0, rng.uniform(0.8, 1.2)))),
+                every=every,
+                turn=turn % every,
             )
         )
     return players

@@ -107,7 +107,7 @@ class Verb(Generic[M_co]):
         kind: the message that orders it.
         named: what the last word of the key names; empty where only one process answers.
         answered_by: the role that takes it.
-        asked_by: the role that may give it.
+        asked_by: the roles that may give it.
         ros: the topic it replaces.
         at_any_age: whether it is carried out even when it may be left over from a pause of the process that takes it.
     """
@@ -116,6 +116,6 @@ class Verb(Generic[M_co]):
     kind: type[M_co]
     named: str = ""
     answered_by: Role = Role.BASESTATION
-    asked_by: Role = Role.OPERATOR
+    asked_by: tuple[Role, ...] = (Role.OPERATOR,)
     ros: str = ""
     at_any_age: bool = False

@@ -53,7 +53,10 @@ def _parties(parties: tuple[Party, ...]) -> str:
 
 
 def _order_table() -> str:
-    rows = [(f"`{_verb_pattern(v)}`", v.kind.__name__, str(v.asked_by), str(v.answered_by), _ros(v.ros)) for v in VERBS]
+    rows = [
+        (f"`{_verb_pattern(v)}`", v.kind.__name__, ", ".join(v.asked_by), str(v.answered_by), _ros(v.ros))
+        for v in VERBS
+    ]
     return markdown_table(("key of the query", "message", "asked by", "answered by", "seed's ROS topic"), rows)
 
 
@@ -63,7 +66,7 @@ def _verb_pattern(verb: Verb[Any]) -> str:
 
 def _message_table() -> str:
     kinds: dict[Any, None] = dict.fromkeys(
-        [*(c.kind for c in CHANNELS), m.RobotState, *(v.kind for v in VERBS), m.Reply]
+        [*(c.kind for c in CHANNELS), m.RobotState, m.Lease, *(v.kind for v in VERBS), m.Reply]
     )
     common = {f.name for f in msgspec.structs.fields(m.Message)}
     rows = []

@@ -154,7 +154,7 @@ ODOMETRY = Channel(
     word="odometry",
     kind=m.Odometry,
     writers=(Party(Role.BASE),),
-    readers=(CONTROL,),
+    readers=(CONTROL, OPERATOR),
     delivery="every",
     rate=25.0,
     stale_after=0.15,
@@ -198,6 +198,18 @@ STOP = Channel(
     named="",
     note="the whole state, never a difference; an operator's stop also goes to the agents directly",
 )
+LEASE = Channel(
+    word="lease",
+    kind=m.LeaseState,
+    writers=(KEPT,),
+    readers=(CONTROL,),
+    delivery="kept",
+    rate=2.0,
+    pacing="and on change",
+    stale_after=3.0,
+    named="",
+    note="whose orders and velocities count; none for a robot that nobody holds",
+)
 TRUTH = Channel(
     word="truth",
     kind=m.Truth,
@@ -213,6 +225,10 @@ SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop, at_any_age=True)
 RESUME = Verb("resume", m.Resume)
 CLEAR = Verb("clear", m.Clear)
+TAKE_LEASE = Verb("lease", m.TakeLease, at_any_age=True)  # it moves no robot, and lasts three seconds
+TIME = Verb(
+    "time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR), at_any_age=True
+)
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))

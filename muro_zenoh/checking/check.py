@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Final, NamedTuple, Protocol
 
@@ -225,11 +226,17 @@ def _run_all(report: Report, workers: Workers[Task, Result], screen: Screen) -> 
         screen.show(report)
 
 
-def quiet() -> None:
+@contextmanager
+def quiet() -> Iterator[None]:
     """Log nothing: what a fleet's processes log of faults that are meant would hide what the check says."""
+    before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def _run(trial: Callable[[int], Scenario], task: Task) -> Result:
-    quiet()
-    return run_trial(trial(task.seed), task.seed)[1]
+    with quiet():
+        return run_trial(trial(task.seed), task.seed)[1]

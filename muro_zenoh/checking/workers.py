@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import multiprocessing
 import signal
 import time
@@ -127,6 +128,8 @@ class _Worker:
 def _serve(tasks: Connection, work: Callable[[Any], Any]) -> None:
     """The main function of a process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.collect()
+    gc.freeze()  # what is imported stays: 3 % less time
     while True:
         try:
             task = tasks.recv()

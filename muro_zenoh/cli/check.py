@@ -97,6 +97,7 @@ def check(
     The exit code is 0 when every promise was kept, 1 when one was broken, 2 for invalid input, 130 when Ctrl-C ended
     the check early and nothing was broken until then.
     """
+    from muro_zenoh.checking.check import Plan, quiet, run_check
     from muro_zenoh.checking.source import trials_of
     from muro_zenoh.supervision.preflight import check_own_packages
 
@@ -109,9 +110,9 @@ def check(
     again = " ".join(["muro check", what, *_options(quick, robots, duration, settings), "--replay"])
     chosen = seed if replay == _NEWEST else replay
     if chosen is not None:
-        raise SystemExit(_replay(what, trial(chosen), chosen, out, shrink, again))
+        with quiet():
+            raise SystemExit(_replay(what, trial(chosen), chosen, out, shrink, again))
 
-    from muro_zenoh.checking.check import Plan, run_check
     from muro_zenoh.checking.summary import write_json
 
     random = trial.scenario is None
@@ -123,7 +124,8 @@ def check(
     _print(report, again, quick)
     if report.broken:
         worst = report.broken[0]
-        _replay(what, trial(worst.seed), worst.seed, out, shrink, again, brief=True)
+        with quiet():
+            _replay(what, trial(worst.seed), worst.seed, out, shrink, again, brief=True)
     raise SystemExit(1 if report.broken else 130 if report.interrupted else 0 if report.passed else 1)
 
 
@@ -150,11 +152,9 @@ def _replay(
     what: str, scenario: Scenario, seed: int, out: Path | None, shrink: bool, again: str, brief: bool = False
 ) -> int:
     """Run one trial again; pictures and the smallest trial go to a folder."""
-    from muro_zenoh.checking.check import quiet
     from muro_zenoh.checking.picture import story
     from muro_zenoh.checking.trial import run_trial
 
-    quiet()
     record, result = run_trial(scenario, seed)
     if not brief:
         click.echo("\n".join(story(record, result.breaches)))

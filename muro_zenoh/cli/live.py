@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
 
 import click
 
+from muro_zenoh.cli.desk import HELP, Desk
+from muro_zenoh.cli.keyboard import has_keyboard, keyboard
 from muro_zenoh.scoring.view import View
+from muro_zenoh.transport import Bus
 
 _LINE_PERIOD = 5.0
 """Time between two plain lines [s]."""
@@ -23,8 +28,8 @@ def line_of(view: View) -> str:
     ages = [row.pose_age for row in view.rows if row.pose_age is not None]
     reasons: dict[str, list[str]] = {}
     for row in view.rows:
-        if not row.driving:
-            reasons.setdefault(row.reasons, []).append(row.name)
+        for text in filter(None, (row.reasons, row.complaints)):
+            reasons.setdefault(text, []).append(row.name)
     return (
         f"{view.t:6.1f} s  driving {view.driving}/{len(view.rows)}  "
         f"radius error {_number(view.radius_error, '.3f', ' m')}  "
@@ -50,6 +55,11 @@ class PlainScreen:
             self._next = _LINE_PERIOD * (math.floor(view.t / _LINE_PERIOD) + 1)
             click.echo(line_of(view))
 
+    @contextmanager
+    def operating(self, bus: Bus) -> Iterator[None]:
+        """Nothing: there are no keys."""
+        yield
+
     def __enter__(self) -> PlainScreen:
         return self
 
@@ -66,6 +76,7 @@ class TableScreen:
         from rich.console import Console
         from rich.live import Live
 
+        self._help = ""
         # No markup: a robot's reasons, and a unit such as [m], are text.
         self._console = Console(markup=False, highlight=False)
         # No refresh thread: the table is drawn when there is a new view.
@@ -77,7 +88,22 @@ class TableScreen:
 
     def show(self, view: View) -> None:
         """Draw the table."""
-        self._live.update(table_of(view), refresh=True)
+        self._live.update(table_of(view, self._help), refresh=True)
+
+    @contextmanager
+    def operating(self, bus: Bus) -> Iterator[None]:
+        """Let the space bar stop the robots, and r and y resume them, where there is a keyboard."""
+        if not has_keyboard():
+            yield
+            return
+        desk = Desk(bus, self.notify)
+        self._help = HELP
+        try:
+            with keyboard(desk.press):
+                yield
+        finally:
+            self._help = ""
+            desk.close()
 
     def __enter__(self) -> TableScreen:
         self._live.start()
@@ -89,11 +115,12 @@ class TableScreen:
         self._live.stop()
 
 
-def table_of(view: View) -> Any:
+def table_of(view: View, keys: str = "") -> Any:
     """A view as a table for a terminal.
 
     Args:
         view: the run at one moment.
+        keys: what the keys do; empty where there are none.
     """
     from rich.table import Table
 
@@ -102,6 +129,8 @@ def table_of(view: View) -> Any:
         f"radius error {_number(view.radius_error, '.3f', ' m')}   "
         f"spacing error {_number(view.spacing_error, '.3f', ' rad')}   restarts {view.restarts}{_faults(view)}",
         title_justify="left",
+        caption=keys or None,
+        caption_justify="left",
     )
     table.add_column("robot")
     table.add_column("state")
@@ -118,7 +147,7 @@ def table_of(view: View) -> Any:
             _number(row.command_rate, ".1f"),
             _number(row.calibrated.cal0, ".3f"),
             _number(row.calibrated.calD, ".3f"),
-            row.reasons or row.note,
+            "; ".join(filter(None, (row.reasons or row.note, row.complaints))),
         )
     return table
 

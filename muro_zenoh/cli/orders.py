@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING, Any
@@ -35,31 +36,25 @@ def on_bus(main: Callable[[Bus], Coroutine[Any, Any, int]], settings: BusSetting
     raise SystemExit(run_process(run, "muro"))
 
 
-@click.command(epilog=example("muro stop", "muro stop r2 r3"))
+@click.command(epilog=example("muro stop", "muro stop r2 r3", "muro stop --json"))
 @click.argument("names", nargs=-1)
+@click.option("--json", "as_json", is_flag=True, help="Print the receipt as JSON.")
 @bus_options
-def stop(names: tuple[str, ...], bus: BusFlags) -> None:
+def stop(names: tuple[str, ...], as_json: bool, bus: BusFlags) -> None:
     """Stop NAMES, or every robot.
 
-    The order goes straight to the robots, base station or not, and to the base station, which keeps it. The exit code
-    is 0 when every named robot, or without NAMES every robot that is alive or on the floor, has confirmed. A robot that
-    was switched off is on the floor until it is carried away and cleared.
+    The order goes straight to the robots, base station or not, and to the base station, which keeps it. For each robot
+    the receipt has the time until its agent latched the stop and until its wheels were at rest, and how far it went
+    meanwhile, by its wheels. The exit code is 0 when every named robot, or without NAMES every robot that is alive or
+    on the floor, has latched it and stands still. A robot that was switched off is on the floor until it is carried
+    away and cleared.
     """
-    from muro_zenoh.orders.stop import StopStatus, stop_robots
-
-    words = {
-        StopStatus.STOPPED: "has stopped",
-        StopStatus.UNCONFIRMED: "DOES NOT CONFIRM",
-        StopStatus.NOT_ALIVE: "is not alive, so it does not confirm",
-    }
+    from muro_zenoh.cli.receipt import receipt_json, receipt_lines
+    from muro_zenoh.orders.stop import stop_robots
 
     async def order(b: Bus) -> int:
         result = await stop_robots(b, names)
-        _print_reply(result.reply)
-        for name, status in result.robots.items():
-            click.echo(f"{name}: {words[status]}")
-        if not result.robots:
-            click.echo("no robot is alive")
+        click.echo(json.dumps(receipt_json(result)) if as_json else "\n".join(receipt_lines(result)))
         return 0 if result.confirmed else 1
 
     _check_names(names)
@@ -206,14 +201,10 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
     on_bus(order, bus())
 
 
-def _print_reply(reply: Reply | None) -> None:
-    if reply is None:
-        text = "did not answer: only the agents that are running now remember this stop, until it is back"
-    elif reply.accepted:
-        text = f"accepted, revision {reply.revision}"
-    else:
-        text = f"refused: {reply.reason}"
-    click.echo(f"base station: {text}")
+def _print_reply(reply: Reply) -> None:
+    from muro_zenoh.cli.receipt import reply_line
+
+    click.echo(reply_line(reply))
 
 
 def _check_names(names: Iterable[str]) -> None:

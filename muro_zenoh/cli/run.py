@@ -49,7 +49,11 @@ from muro_zenoh.errors import ConfigError
     metavar="KEY=VALUE",
     help="Override a setting of the scenario, such as circle.clockwise=true; repeatable.",
 )
-@click.option("--connect", metavar="ENDPOINT", help="Use the router at ENDPOINT instead of starting one.")
+@click.option(
+    "--connect",
+    metavar="ENDPOINT",
+    help="Use the router at ENDPOINT instead of starting one, and the processes of the fleet that are there.",
+)
 def run(
     scenario: str,
     robots: int | None,
@@ -63,7 +67,9 @@ def run(
     """Run a fleet on this machine: a built-in SCENARIO such as pursuit, circle or hold, or a TOML file.
 
     Starts a router, a simulator, a base station and an agent per robot, each as a process; shows their state, and ends
-    with a score sheet. The folder runs/<time>-<scenario>/ has the settings, the score sheet and a log per process.
+    with a score sheet. With --connect, what is running already is not started. The robots are held: orders of others
+    are refused, and so is this run where others hold them. In the table the space bar stops every robot. The folder
+    runs/<time>-<scenario>/ has the settings, the score sheet and a log per process.
 
     The exit code is 0 when the run met the scenario's checks, or the scenario makes none; 1 when it did not, when a
     behaviour failed or ended early, or when a process could not be kept alive; 2 for invalid settings; 130 when it was

@@ -43,6 +43,8 @@ LocalPoint = Annotated[str, Meta(pattern=r"^(tcp/(127(\.\d{1,3}){3}|localhost|\[
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
 
 
+ClockDifference = Annotated[float, Quantity("s", at_least=0.001, at_most=3600.0)]
+
 _PIXELS = Quantity("px", above=0, at_most=8192, whole=True)
 
 
@@ -217,6 +219,18 @@ class BusSettings(Section, frozen=True, kw_only=True):
     lease: Annotated[float, Quantity("s", at_least=0.2, at_most=60.0)] = 2.0
 
 
+class ClockSettings(Section, frozen=True, kw_only=True):
+    """By how much a machine's clock may differ from the base station's before that is reported; no robot stops for it.
+
+    Attributes:
+        skew: the difference [s].
+        step: a change of the difference within a second [s].
+    """
+
+    skew: ClockDifference = 0.02
+    step: ClockDifference = 0.05
+
+
 class BehaviourSettings(Section, frozen=True, kw_only=True):
     """The initial behaviour of every robot. All keys except ``name`` are the behaviour's parameters.
 
@@ -270,6 +284,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         camera: the cameras by name.
         circle: the initial circle.
         bus: how to connect to the other processes.
+        clocks: which differences of clocks are reported.
         behaviour: the initial behaviour of every robot.
         goals: rows ``[x, y]`` or ``[x, y, theta]`` [m, world; rad] by robot, for behaviours that drive to goals.
         faults: what breaks during the run, from ``[[fault]]``.
@@ -289,6 +304,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     camera: dict[Name, CameraSettings] = field(default_factory=dict)
     circle: Circle = CIRCLE
     bus: BusSettings = BusSettings()
+    clocks: ClockSettings = ClockSettings()
     behaviour: BehaviourSettings = BehaviourSettings()
     goals: dict[Name, tuple[GoalRow, ...]] = field(default_factory=dict)
     faults: tuple[Fault, ...] = field(default=(), name="fault")

@@ -41,6 +41,7 @@ class RideSettings:
         margin: distance that the robot's centre keeps from the walls [m].
         replan_beyond: a new path is planned when the robot is further than this from the path [m].
         arrive_within: a new path is planned when the robot ends a path further than this from the goal [m].
+        arrive_facing: the same for the goal's heading, if it has one [rad].
     """
 
     profile: SpeedProfile
@@ -50,6 +51,7 @@ class RideSettings:
     margin: float = 0.0
     replan_beyond: float = 0.15
     arrive_within: float = 0.03
+    arrive_facing: float = 0.12
 
 
 class Ride(NamedTuple):
@@ -82,17 +84,18 @@ class Move(NamedTuple):
     state: Literal["on", "arrived", "off"]
 
 
-def is_at(pose: Pose2, goal: Destination, tolerance: float) -> bool:
+def is_at(pose: Pose2, goal: Destination, tolerance: float, facing: float = FACING) -> bool:
     """Whether a robot is at a goal already, with the goal's heading if it has one.
 
     Args:
         pose: the robot's pose [world].
         goal: the goal.
         tolerance: maximum distance [m].
+        facing: maximum error of the heading [rad].
     """
     if math.hypot(pose.x - goal.x, pose.y - goal.y) > tolerance:
         return False
-    return goal.theta is None or abs(wrap_to_pi(pose.theta - goal.theta)) <= FACING
+    return goal.theta is None or abs(wrap_to_pi(pose.theta - goal.theta)) <= facing
 
 
 def set_out(pose: Pose2, goal: Destination, v: float, settings: RideSettings) -> Ride:
@@ -154,8 +157,9 @@ def ride_on(ride: Ride, pose: Pose2, dt: float, settings: RideSettings) -> Move:
     step = follow_path(ride.path, pose, ride.progress, dt, settings.gains, settings.profile)
     on = ride._replace(progress=step.progress)
     if step.arrived:
-        near = math.hypot(pose.x - ride.goal.x, pose.y - ride.goal.y) <= settings.arrive_within
-        return Move(STILL, on, "arrived" if near else "off")
+        # A robot that had to keep clear of another may have come there from another side.
+        there = is_at(pose, ride.goal, settings.arrive_within, settings.arrive_facing)
+        return Move(STILL, on, "arrived" if there else "off")
     if abs(step.error.lateral) > settings.replan_beyond:
         return Move(step.twist, on, "off")
     return Move(step.twist, on, "on")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from muro_zenoh.channels import CHANNELS, VERBS
+from muro_zenoh.channels import CHANNELS, TIME, VERBS
 from muro_zenoh.figures.canvas import AMBER, BLACK, BLUE, GREEN, GREY, PAGE, PURPLE, sheet
 from muro_zenoh.figures.simulation import Effort
 
@@ -45,10 +45,11 @@ def flows() -> list[Flow]:
     orders = {
         Flow(
             f"{verb.word}/<{verb.named}>" if verb.named else f"{verb.answered_by}/<order>",
-            (str(verb.asked_by),),
+            tuple(map(str, verb.asked_by)),
             (str(verb.answered_by),),
         ): None
         for verb in VERBS
+        if verb is not TIME  # everybody's, and no order
     }
     return [*rows, *orders]
 

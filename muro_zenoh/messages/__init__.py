@@ -21,7 +21,9 @@ from muro_zenoh.messages.codec import (
     encode,
     encoding_of,
 )
+from muro_zenoh.messages.lease import Lease, LeaseState, TakeLease
 from muro_zenoh.messages.orders import (
+    AskTime,
     Behaviour,
     Circle,
     Clear,
@@ -54,6 +56,7 @@ from muro_zenoh.messages.telemetry import (
 __all__ = [
     "MAX_PAYLOAD",
     "VERSION",
+    "AskTime",
     "BaseState",
     "Behaviour",
     "Calibration",
@@ -66,6 +69,8 @@ __all__ = [
     "Frame",
     "Goal",
     "Health",
+    "Lease",
+    "LeaseState",
     "Message",
     "Name",
     "Odometry",
@@ -80,6 +85,7 @@ __all__ = [
     "SpeedReference",
     "Stop",
     "StopOrder",
+    "TakeLease",
     "Truth",
     "Value",
     "VelocityCommand",

@@ -9,15 +9,18 @@ from msgspec import Meta, field
 
 from muro_zenoh import geometry
 from muro_zenoh.messages.base import Message, Name, Value
+from muro_zenoh.messages.lease import Text
 from muro_zenoh.quantities import LEAST
 
 
 class Goal(Message, frozen=True, kw_only=True):
-    """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter."""
+    """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter. ``operator``: whose
+    order it is."""
 
     x: float
     y: float
     theta: float | None = None
+    operator: Text = ""
 
 
 _circle = lru_cache(maxsize=16)(geometry.Circle)
@@ -76,6 +79,7 @@ class Health(Message, frozen=True, kw_only=True):
             since the previous health message.
         numbers: counters and gauges by name (``pose_received``, ``pose_rejected``, ``command_rate_hz`` ...).
         samples: measurements since the previous health message, by name (``pose_age_s``, ``pose_to_command_s``).
+        complaints: what is wrong and does not keep it from driving.
         failure: why the behaviour failed, or ended before another was ordered; empty while it runs.
         behaviour_revision: the revision of the newest order of a behaviour that was obeyed; ``failure`` is about it.
         stop_latched: a stop is latched.
@@ -89,6 +93,7 @@ class Health(Message, frozen=True, kw_only=True):
     state: str
     reasons: tuple[str, ...] = ()
     note: str = ""
+    complaints: tuple[str, ...] = ()
     numbers: dict[str, float] = field(default_factory=dict)
     samples: dict[str, tuple[float, ...]] = field(default_factory=dict)
     failure: str = ""
@@ -100,20 +105,23 @@ class Health(Message, frozen=True, kw_only=True):
 
 
 class SetCircle(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the circle. What is nil stays unchanged."""
+    """An order to the base station: change the circle. What is nil stays unchanged. ``operator``: whose order it is."""
 
     x: float | None = None
     y: float | None = None
     radius: Annotated[float, Meta(ge=LEAST)] | None = None
     clockwise: bool | None = None
+    operator: Text = ""
 
 
 class SetBehaviour(Message, frozen=True, kw_only=True):
-    """An order to the base station: change the behaviour of ``names`` (empty: all robots)."""
+    """An order to the base station: change the behaviour of ``names`` (empty: all robots). ``operator``: whose order it
+    is."""
 
     behaviour: str
     parameters: dict[str, Value] = field(default_factory=dict)
     names: tuple[Name, ...] = ()
+    operator: Text = ""
 
 
 class Stop(Message, frozen=True, kw_only=True):
@@ -135,10 +143,19 @@ class Clear(Message, frozen=True, kw_only=True):
     name: Name
 
 
+class AskTime(Message, frozen=True, kw_only=True):
+    """A question to the base station whose four time stamps measure the asker's clock (``stamp`` is the first, the
+    Reply has the next two). ``offset``: what the asker has to add to its clock to have the base station's, as far as it
+    has measured that [s]; nil before the first answer."""
+
+    offset: float | None = None
+
+
 class Reply(Message, frozen=True, kw_only=True):
     """The answer to an order: accepted, or refused with the reason. With an accepted one, ``reason`` is why nothing
-    follows from it yet; empty when something does."""
+    follows from it yet; empty when something does. ``received``: when the order came [s, the answerer's clock]."""
 
     accepted: bool
     reason: str = ""
     revision: int = 0
+    received: float = 0.0

@@ -11,6 +11,7 @@ from msgspec import Meta, Struct
 
 from muro_zenoh import geometry
 from muro_zenoh.messages.base import LARGEST, Covariance, Message, require_names, require_usable
+from muro_zenoh.messages.lease import Text
 
 
 class Frame(Message, frozen=True, kw_only=True):
@@ -111,9 +112,10 @@ class FleetSnapshot(Message, frozen=True, kw_only=True):
 
 
 class SpeedReference(Message, frozen=True, kw_only=True):
-    """The desired speed of a robot along its path [m/s]."""
+    """The desired speed of a robot along its path [m/s]. ``operator``: who wants it, while somebody holds the robot."""
 
     speed: float
+    operator: Text = ""
 
 
 class VelocityCommand(Message, frozen=True, kw_only=True):

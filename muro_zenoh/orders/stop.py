@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+from collections import defaultdict
 from collections.abc import Callable
-from enum import Enum
+from contextlib import ExitStack, closing
 from typing import Final, NamedTuple
 
 from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, NoReply
 from muro_zenoh.messages import Reply, Resume, Stop, StopOrder
-from muro_zenoh.transport import Bus
+from muro_zenoh.orders.receipt import RobotWatch, StopReceipt, StopStatus
+from muro_zenoh.transport import Bus, Publisher
 
 _REPEATS: Final = 6
 _REPEAT_PERIOD: Final = 0.1
@@ -23,32 +25,27 @@ _STOP_STATE_TIMEOUT: Final = 1.5
 """The base station repeats the stop state twice a second [s]."""
 
 
-class StopStatus(Enum):
-    """What is known of a robot that was ordered to stop."""
-
-    STOPPED = "stopped"
-    UNCONFIRMED = "unconfirmed"
-    NOT_ALIVE = "not alive"
-
-
 class StopResult(NamedTuple):
     """What came of a stop.
 
     Attributes:
+        sent: when it was sent [s since 1970].
         reply: the base station's; None when it did not answer.
-        robots: the status of each robot that was named, or of each that is known when none was: by its agent, or by
+        robots: the receipt of each robot that was named, or of each that is known when none was: by its agent, or by
             the base station's snapshot.
     """
 
+    sent: float
     reply: Reply | None
-    robots: dict[str, StopStatus]
+    robots: dict[str, StopReceipt]
 
     @property
     def confirmed(self) -> bool:
-        """Whether every robot has stopped; without any robot, whether the base station keeps the order."""
+        """Whether every robot has latched the stop and stands still; without any robot, whether the base station keeps
+        the order."""
         if not self.robots:
             return self.reply is not None and self.reply.accepted
-        return all(status is StopStatus.STOPPED for status in self.robots.values())
+        return all(receipt.status is StopStatus.STOPPED for receipt in self.robots.values())
 
 
 class ResumeResult(NamedTuple):
@@ -61,56 +58,81 @@ class ResumeResult(NamedTuple):
 async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """Stop robots: directly, base station or not, and by the base station, which keeps the order.
 
+    Any number of these may run at once, and one may be cancelled at any time: its order is sent before it first waits.
+
     Args:
         bus: the bus.
         names: which; none for all.
     """
-    stop_state = bus.latest(channels.STOP)
-    health = bus.latest(channels.HEALTH, "*")
-    snapshot = bus.latest(channels.ALL_POSITIONS)
-    roster = bus.roster()
-    orders = bus.publisher(channels.STOP)
-    asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
-
-    addressed = set(names)
-
-    def status() -> dict[str, StopStatus]:
-        alive = roster.of("agent")
-        if not names:
-            addressed.update(alive)  # one that disappears meanwhile has not confirmed, either
-            if (seen := snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before
-                addressed.update(robot.name for robot in seen.message.robots)
-        found = {}
-        for name in sorted(addressed):
-            report = health.get(name)
-            if name not in alive:
-                found[name] = StopStatus.NOT_ALIVE
-            elif report is not None and report.message.stop_latched:
-                found[name] = StopStatus.STOPPED
-            else:
-                found[name] = StopStatus.UNCONFIRMED
-        return found
-
-    try:
-        for _ in range(_REPEATS):
-            # It is the whole state: a robot that was stopped before stays stopped. Any revision stops.
-            known = stop_state.get()
-            before = known.message if known is not None else StopOrder(all=False)
-            orders.put(
-                StopOrder(
-                    all=before.all or not names, names=tuple(sorted({*before.names, *names})), revision=before.revision
-                )
-            )
+    with ExitStack() as stack:
+        watch = stack.enter_context(closing(_Watch(bus, names)))
+        orders = stack.enter_context(closing(bus.publisher(channels.STOP)))
+        watch.order(orders)
+        asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
+        stack.callback(asking.cancel)
+        for _ in range(_REPEATS - 1):
             await asyncio.sleep(_REPEAT_PERIOD)
-            status()  # who is alive now
-        await until(lambda: all(s is StopStatus.STOPPED for s in status().values()), _CONFIRMATION_TIMEOUT)
+            watch.receipts()  # who is alive now
+            watch.order(orders)
+        await asyncio.sleep(_REPEAT_PERIOD)
+        await until(
+            lambda: all(r.status is StopStatus.STOPPED for r in watch.receipts().values()), _CONFIRMATION_TIMEOUT
+        )
         try:
             reply: Reply | None = await asking
         except MuroError:
             reply = None
-    finally:
-        asking.cancel()
-    return StopResult(reply, status())
+        return StopResult(watch.sent, reply, watch.receipts())
+
+
+class _Watch:
+    """Sends a stop, and watches what the robots do.
+
+    Attributes:
+        sent: when it was begun [s].
+    """
+
+    def __init__(self, bus: Bus, names: tuple[str, ...]) -> None:
+        self.sent = bus.clock.now()
+        self._clock = bus.clock
+        self._names = names
+        self._stop_state = bus.latest(channels.STOP)
+        self._health = bus.latest(channels.HEALTH, "*")
+        self._odometry = bus.every(channels.ODOMETRY, "*", depth=4096)
+        self._snapshot = bus.latest(channels.ALL_POSITIONS)
+        self._roster = bus.roster()
+        self._robots: defaultdict[str, RobotWatch] = defaultdict(lambda: RobotWatch(self.sent))
+        self._addressed = set(names)
+
+    def close(self) -> None:
+        """Listen no more."""
+        for box in (self._stop_state, self._health, self._odometry, self._snapshot, self._roster):
+            box.close()
+
+    def order(self, orders: Publisher[StopOrder]) -> None:
+        """Send the stop. It is the whole state: a robot that was stopped before stays stopped. Any revision stops."""
+        known = self._stop_state.get()
+        before = known.message if known is not None else StopOrder(all=False)
+        names = tuple(sorted({*before.names, *self._names}))
+        orders.put(StopOrder(all=before.all or not self._names, names=names, revision=before.revision))
+
+    def receipts(self) -> dict[str, StopReceipt]:
+        """What is known by now, by the robot's name."""
+        alive = self._roster.of("agent")
+        if not self._names:
+            self._addressed.update(alive)  # one that disappears meanwhile has not confirmed, either
+            if (seen := self._snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before
+                self._addressed.update(robot.name for robot in seen.message.robots)
+        for odometry in self._odometry.drain():
+            self._robots[odometry.name].take_odometry(odometry)
+        now = self._clock.now()
+        found = {}
+        for name in sorted(self._addressed):
+            robot = self._robots[name]
+            if (health := self._health.get(name)) is not None:
+                robot.take_health(health)
+            found[name] = robot.receipt(now, alive=name in alive)
+        return found
 
 
 async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
@@ -123,27 +145,28 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
     Raises:
         NoReply: the base station is silent.
     """
-    stop_state = bus.latest(channels.STOP)
-    health = bus.latest(channels.HEALTH, "*")
-    roster = bus.roster()
-    await until(lambda: stop_state.get() is not None and bool(roster.of("basestation")), _STOP_STATE_TIMEOUT)
-    known = stop_state.get()
-    if known is None or not roster.of("basestation"):
-        raise NoReply(
-            f"the base station is silent (waited {_STOP_STATE_TIMEOUT:g} s for its stop state), and only it can lift a "
-            "stop. Is `muro basestation` running, and on this router?"
-        )
-    reply = await bus.ask(channels.RESUME, Resume(revision=known.message.revision, names=names))
-    if not reply.accepted:
-        return ResumeResult(reply)
+    with ExitStack() as stack:
+        stop_state = stack.enter_context(closing(bus.latest(channels.STOP)))
+        health = stack.enter_context(closing(bus.latest(channels.HEALTH, "*")))
+        roster = stack.enter_context(closing(bus.roster()))
+        await until(lambda: stop_state.get() is not None and bool(roster.of("basestation")), _STOP_STATE_TIMEOUT)
+        known = stop_state.get()
+        if known is None or not roster.of("basestation"):
+            raise NoReply(
+                f"the base station is silent (waited {_STOP_STATE_TIMEOUT:g} s for its stop state), and only it can "
+                "lift a stop. Is `muro basestation` running, and on this router?"
+            )
+        reply = await bus.ask(channels.RESUME, Resume(revision=known.message.revision, names=names))
+        if not reply.accepted:
+            return ResumeResult(reply)
 
-    def still_stopped() -> tuple[str, ...]:
-        alive = roster.of("agent")
-        addressed = sorted(set(names) & alive if names else alive)
-        return tuple(n for n in addressed if not (report := health.get(n)) or report.message.stop_latched)
+        def still_stopped() -> tuple[str, ...]:
+            alive = roster.of("agent")
+            addressed = sorted(set(names) & alive if names else alive)
+            return tuple(n for n in addressed if not (report := health.get(n)) or report.message.stop_latched)
 
-    await until(lambda: not still_stopped(), _CONFIRMATION_TIMEOUT)
-    return ResumeResult(reply, still_stopped())
+        await until(lambda: not still_stopped(), _CONFIRMATION_TIMEOUT)
+        return ResumeResult(reply, still_stopped())
 
 
 async def until(condition: Callable[[], bool], timeout: float) -> None:

@@ -26,6 +26,7 @@ class RobotRow(NamedTuple):
         command_rate: commands per second [Hz].
         calibrated: its estimated drive calibration.
         note: why it drives otherwise than its behaviour wants.
+        complaints: what is wrong besides.
     """
 
     name: str
@@ -37,6 +38,7 @@ class RobotRow(NamedTuple):
     command_rate: float | None
     calibrated: Calibrated
     note: str = ""
+    complaints: str = ""
 
     @property
     def driving(self) -> bool:
@@ -100,6 +102,7 @@ def view_of(collector: Collector, scenario: Scenario, restarts: int, faults: tup
                 health.numbers.get("command_rate_hz") if health is not None else None,
                 collector.calibrated(name),
                 health.note if health is not None else "",
+                ", ".join(health.complaints) if health is not None else "",
             )
         )
     all_known = len(sample.positions) == len(scenario.robots)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import os
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -12,19 +12,20 @@ from typing import Any, NamedTuple, Protocol
 
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
-from muro_zenoh.errors import SupervisionError
+from muro_zenoh.errors import OrderRefused, SupervisionError
+from muro_zenoh.orders.lease import holding
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
 from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
-from muro_zenoh.supervision import launch
+from muro_zenoh.supervision import joining, launch
 from muro_zenoh.supervision.child import Child
 from muro_zenoh.supervision.faults import Faults, Links
 from muro_zenoh.supervision.folder import REPORT, write_event, write_report, write_scenario
 from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
-from muro_zenoh.transport import open_bus
+from muro_zenoh.transport import Bus, open_bus
 from muro_zenoh.wording import counted
 
 INTERRUPTED = 130
@@ -32,6 +33,9 @@ INTERRUPTED = 130
 
 _VIEW_PERIOD = 0.25
 _USAGE_PERIOD = 1.0
+
+_PATIENCE = 2.0
+"""A base station that is alive answers within this time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,7 @@ class RunSettings:
         scenario: the scenario.
         folder: of the run.
         seed: the simulator's seed.
-        connect: endpoint of a running router; None to start one.
+        connect: endpoint of a running router, with the processes of the fleet that are there; None to start one.
     """
 
     scenario: Scenario
@@ -82,6 +86,10 @@ class Screen(Protocol):
         """Show the state of the run; called a few times a second."""
         ...
 
+    def operating(self, bus: Bus) -> AbstractContextManager[None]:
+        """Let the operator's keys be orders on a bus, within a block."""
+        ...
+
     def __enter__(self) -> Screen: ...
 
     def __exit__(
@@ -108,8 +116,8 @@ async def run_fleet(settings: RunSettings, screen: Screen) -> RunResult:
                 Supervisor(settings.folder, screen.notify) as supervisor,
             ):
                 seen = await _run(settings, supervisor, links, screen)
-        except SupervisionError as error:
-            screen.notify(f"failed: {error}")
+        except (SupervisionError, OrderRefused) as error:
+            screen.notify(f"{'refused' if isinstance(error, OrderRefused) else 'failed'}: {error}")
             return RunResult(None, interrupted=False)
         except asyncio.CancelledError:
             screen.notify("interrupted before all processes were ready")
@@ -127,6 +135,7 @@ class _Logged:
         self._screen = screen
         self._folder = folder
         self.show = screen.show
+        self.operating = screen.operating
 
     def notify(self, text: str) -> None:
         write_event(text, self._folder)
@@ -144,49 +153,88 @@ class _Logged:
 
 async def _run(settings: RunSettings, supervisor: Supervisor, links: Links, screen: Screen) -> Observed:
     """From the first process to the end of the run; the supervisor stops the processes."""
-    began = asyncio.get_running_loop().time()
-    scenario, starting = await _start(settings, supervisor, links, screen)
-    try:
-        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
-            collector = Collector(bus, scenario)
-            collecting = asyncio.create_task(collector.run(), name="collect")
-            try:
-                await starting
-                screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
-
-                def children() -> dict[str, Child]:
-                    return {child.spec.name: child for child in supervisor.children}
-
-                faults = Faults(scenario, links, children, bus.clock, screen.notify)
-                return await _watch(settings, supervisor, screen, collector, collecting, faults)
-            finally:
-                collecting.cancel()
-                with contextlib.suppress(asyncio.CancelledError):
-                    await collecting
-    finally:
-        starting.cancel()
-        await asyncio.wait({starting})
-
-
-async def _start(
-    settings: RunSettings, supervisor: Supervisor, links: Links, screen: Screen
-) -> tuple[Scenario, asyncio.Task[list[Child]]]:
-    """Start every process; return the scenario with the router's endpoint, and a task that ends when all are ready."""
-    scenario, folder = settings.scenario, settings.folder
     if settings.connect is not None:
-        scenario = launch.connected_to(scenario, settings.connect)
-        if links.endpoints:
-            links.lead_to(settings.connect)
-        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder, links.endpoints)
-        return scenario, asyncio.create_task(supervisor.start(specs), name="start the fleet")
-    scenario, starting = await launch.start_all(supervisor, scenario, settings.seed, folder, links)
+        return await _run_on(settings.connect, settings, supervisor, links, screen)
+    scenario, starting = await launch.start_all(supervisor, settings.scenario, settings.seed, settings.folder, links)
     endpoint = scenario.bus.connect[0]
     if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
         screen.notify(
             f"port {launch.PORT} is in use, so this fleet has its own router on {endpoint}: "
             f"connect to it with --connect {endpoint}"
         )
-    return scenario, starting
+    try:
+        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
+            return await _observe(settings, scenario, supervisor, links, screen, bus, starting, joining.NOBODY)
+    finally:
+        await _ended(starting)
+
+
+async def _run_on(
+    endpoint: str, settings: RunSettings, supervisor: Supervisor, links: Links, screen: Screen
+) -> Observed:
+    """A run on a router that is there, with the processes of its fleet that are there."""
+    scenario, folder = launch.connected_to(settings.scenario, endpoint), settings.folder
+    async with open_bus(scenario.bus, Role.OPERATOR) as bus, AsyncExitStack() as stack:
+        there = await joining.look(bus, scenario.robots)
+        if there.basestation:  # before anything is started or ordered
+            await stack.enter_async_context(_holding(bus, scenario, screen, patience=_PATIENCE))
+            stack.push_async_callback(joining.leave, bus, there.robots)
+        if there.processes:
+            screen.notify(f"running already: {' '.join(sorted(there.processes))}")
+        if links.endpoints:
+            links.lead_to(endpoint)
+        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder, links.endpoints)
+        missing = [spec for spec in specs if spec.name not in there.processes]
+        starting = asyncio.create_task(supervisor.start(missing), name="start the fleet")
+        stack.push_async_callback(_ended, starting)
+        return await _observe(settings, scenario, supervisor, links, screen, bus, starting, there)
+
+
+def _holding(
+    bus: Bus, scenario: Scenario, screen: Screen, *, patience: float | None
+) -> AbstractAsyncContextManager[None]:
+    def lost(reason: str) -> None:
+        screen.notify(f"the robots are no longer held by this run: {reason}")
+
+    return holding(bus, "muro run", scenario.robots, lost=lost, patience=patience)
+
+
+async def _observe(
+    settings: RunSettings,
+    scenario: Scenario,
+    supervisor: Supervisor,
+    links: Links,
+    screen: Screen,
+    bus: Bus,
+    starting: asyncio.Task[list[Child]],
+    there: joining.There,
+) -> Observed:
+    """From the start of the processes to the end of the run."""
+    began = asyncio.get_running_loop().time()
+    collector = Collector(bus, scenario)
+    collecting = asyncio.create_task(collector.run(), name="collect")
+    try:
+        async with AsyncExitStack() as stack:
+            stack.enter_context(screen.operating(bus))
+            await starting
+            screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
+            if there.basestation:  # it keeps what was ordered before
+                await joining.order(bus, scenario)
+            else:
+                await stack.enter_async_context(_holding(bus, scenario, screen, patience=None))
+
+            def children() -> dict[str, Child]:
+                return {child.spec.name: child for child in supervisor.children}
+
+            faults = Faults(scenario, links, children, bus.clock, screen.notify)
+            return await _watch(settings, supervisor, screen, collector, collecting, faults)
+    finally:
+        await _ended(collecting)
+
+
+async def _ended(task: asyncio.Task[Any]) -> None:
+    task.cancel()
+    await asyncio.wait({task})
 
 
 async def _watch(

@@ -183,6 +183,8 @@ class Supervisor:
             else:
                 child.terminate()
                 task.add_done_callback(_retrieve)
+        if not tasks:  # all that was wanted was running already
+            return
         _, pending = await asyncio.wait(tasks, timeout=self._policy.stop_timeout)
         for child, task in group:
             if task in pending:

@@ -31,6 +31,8 @@ from muro_zenoh.channels import (
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
 from muro_zenoh.runtime.clock import Clock, SystemClock
+from muro_zenoh.runtime.operator import operator_name
+from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
@@ -57,6 +59,8 @@ class Bus:
     Attributes:
         epoch: this process's number.
         counters: what became of the messages, by the channel's word.
+        operator: who gives orders from this process; its orders and velocities say so.
+        clocks: other processes' clocks, as far as they were measured; mailboxes judge their messages by them.
     """
 
     def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock, epoch: int | None = None) -> None:
@@ -65,6 +69,8 @@ class Bus:
         self.clock = clock
         self.epoch = draw_epoch(random.SystemRandom()) if epoch is None else epoch
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
+        self.operator = operator_name() if Role.OPERATOR in self.roles else ""
+        self.clocks = KnownClocks()
         self._link = link
         self._loop = asyncio.get_running_loop()
         self._readers: dict[str, list[Inbox[Any]]] = {}
@@ -101,7 +107,13 @@ class Bus:
             # Mailboxes of `*` that were declared first get the new key's messages too.
             readers += [inbox for start, inbox in self._wildcards if key.startswith(start)]
         publisher: Publisher[T] = Publisher(
-            key, link, readers, self.clock, (self.epoch, self._numbers[key]), self.counters[channel.word]
+            key,
+            link,
+            readers,
+            self.clock,
+            (self.epoch, self._numbers[key]),
+            self.counters[channel.word],
+            self.operator if "operator" in channel.kind.__struct_fields__ else "",
         )
         publisher.on_close(lambda: self._forget(publisher))
         self._open[publisher] = None
@@ -131,7 +143,7 @@ class Bus:
         prefix = len(self.realm) + len(channel.word) + 2
         counters = self.counters[channel.word]
         where = key_of(self.realm, channel, name)
-        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after)
+        return Slot(channel.kind, prefix, self.clock, self._loop, counters, where, channel.stale_after, self.clocks)
 
     def _subscribe(self, channel: Channel[T], name: str, inbox: I, own_only: bool = False) -> I:
         self._check_open()
@@ -216,7 +228,7 @@ class Bus:
             MessageError: the answer is not a reply.
         """
         self._check_open()
-        self._check_role((verb.asked_by,), f"order {verb.word}", "give it")
+        self._check_role(verb.asked_by, f"order {verb.word}", "give it")
         key = verb_key(self.realm, verb, name)
         payload = await self._link.ask(key, encode(self._stamped(order)), encoding_of(verb.kind), timeout)
         if payload is None:
@@ -246,17 +258,19 @@ class Bus:
         if self._pulse is None:
             self._pulse = Pulse(self._loop, self.clock)
             self._open[self._pulse] = None
-        orders = Orders(verb, key, handle, self._send_reply, self._loop, self.counters[word], self._pulse, self.clock)
+        orders = Orders(verb, key, handle, self._send_reply, self.clock, self._loop, self.counters[word], self._pulse)
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None
         return declared
 
-    def _send_reply(self, question: Question, reply: Reply) -> None:
-        question.reply(encode(self._stamped(reply)), encoding_of(Reply))
+    def _send_reply(self, question: Question, reply: Reply, received: float) -> None:
+        reply = msgspec.structs.replace(self._stamped(reply), received=received)
+        question.reply(encode(reply), encoding_of(Reply))
 
     def _stamped(self, message: T) -> T:
-        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch)
+        signed = {"operator": self.operator} if getattr(message, "operator", None) == "" else {}
+        return msgspec.structs.replace(message, stamp=self.clock.now(), epoch=self.epoch, **signed)
 
     # ---- looking at anything
 

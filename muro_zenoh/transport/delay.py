@@ -1,4 +1,4 @@
-"""How late a message is, when no two clocks agree.
+"""How late a message is, when no two clocks agree. This is the one home of that question.
 
 Per writer a reader keeps the least (arrival - stamp) of about the last minute: the clocks' offset plus the quickest way
 through. What a later message exceeds it by is its extra delay. A backlog that arrives after a freeze is late by that
@@ -12,20 +12,23 @@ _SPANS spans of time in a row, each with a message, and each counted at its late
 * It rises by the little that clocks drift, and only while messages come so close to it that drift explains them.
   Otherwise it rises only when stamps have gone back and the messages since agree with each other: a clock was set back.
   Lateness alone never makes it rise, however long it lasts.
+
+That takes the least time on the way for a part of the clocks' offset, so a way that is slow from the beginning would
+count as quick. Where the offset itself was measured (:mod:`muro_zenoh.transport.clock_offset`), a message is as late as
+the later of the two says.
 """
 
 from __future__ import annotations
 
 import math
 
+from muro_zenoh.transport.clock_offset import DRIFT
+
 _HALF_WINDOW = 30.0
 
-_DRIFT = 200e-6
-"""Two clocks part no faster than this [s/s]: twice the 100 ppm of two poor crystals, 6 ms in half a minute. Lateness
-that grows as slowly cannot be told from drift, so this is also the fastest that it can creep in."""
-
 _MOST_DRIFT = 0.1
-"""... nor farther than this during one silence [s]. A writer that has been silent for an hour may come back on a slow
+"""Two clocks are taken to part at DRIFT, which is therefore also the fastest that lateness can creep in, and no farther
+than this during one silence [s]. A writer that has been silent for an hour may come back on a slow
 path; what is taken for drift must stay well below the age at which poses and commands are stale."""
 
 _NEAR = 0.03
@@ -69,13 +72,14 @@ class DelayTracker:
         self._last = _Window(0.0)
         self._writers: dict[int, _Window] = {}
 
-    def observe(self, epoch: int, stamp: float, arrival: float) -> float:
+    def observe(self, epoch: int, stamp: float, arrival: float, measured: float = math.inf) -> float:
         """Take a message into account.
 
         Args:
             epoch: the writer's process; another one starts anew.
             stamp: the message's stamp [s, the writer's clock].
             arrival: when it came [s, our clock].
+            measured: (our clock - the writer's) as far as it was measured [s]; infinite when it was not.
 
         Returns:
             Its extra delay [s], zero or more; below zero when its stamp leaps ahead of the writer's clock, by as much.
@@ -84,11 +88,10 @@ class DelayTracker:
         if epoch != self._epoch:
             self._change_writer(epoch, arrival)
         measure, offset = self._last.observe(stamp, arrival), arrival - stamp
-        if offset >= measure:
-            self.least = measure
+        self.least = min(measure, offset)
+        if measure - offset > LEAP:
             return offset - measure
-        self.least = offset
-        return 0.0 if measure - offset <= LEAP else offset - measure
+        return offset - min(self.least, measured)  # never younger than either says
 
     def _change_writer(self, epoch: int, arrival: float) -> None:
         self._epoch = epoch
@@ -177,7 +180,7 @@ class _Window:
             self._older = self._least
         else:
             self._older = min(self._newer, self._least + self._drift)
-        self._drift = min(_DRIFT * (arrival - self._began), _MOST_DRIFT)
+        self._drift = min(DRIFT * (arrival - self._began), _MOST_DRIFT)
         self._least, self._newer, self._began = self._older, math.inf, arrival
 
     def _learn(self) -> None:

@@ -18,6 +18,7 @@ from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
 from muro_zenoh.messages import Message, check_encoding, check_size, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.delay import DelayTracker
 from muro_zenoh.transport.link import Declared
 from muro_zenoh.transport.received import Counters, Received
@@ -33,6 +34,9 @@ _SILENT = 60.0
 """... nor keep others out for good: a key that has been silent for longer than this gives way to a new one [s]. While
 there is room, silence makes a mailbox forget nobody: the backlog that ends a long freeze would count as fresh."""
 
+_EPISODE = 10.0
+"""Bad messages of a key are logged once in this time at most [s]."""
+
 _MAX_STRANGERS = 32
 """Keys whose bad messages are logged before they have sent a good one: a writer of ever new keys must fill neither the
 memory nor the log."""
@@ -46,7 +50,8 @@ class Slot(NamedTuple, Generic[T]):
 
     ``kind`` of its messages; ``prefix``: length of the key up to the name; ``clock`` for arrival times; ``loop``: where
     it is read; ``counters``, shared by all mailboxes of a channel; ``where``: the key, for error messages;
-    ``stale_after``: age at which a message no longer counts [s], infinite where its stamp does not matter.
+    ``stale_after``: age at which a message no longer counts [s], infinite where its stamp does not matter; ``clocks``:
+    other processes', as far as they were measured.
     """
 
     kind: type[T]
@@ -56,6 +61,7 @@ class Slot(NamedTuple, Generic[T]):
     counters: Counters
     where: str
     stale_after: float
+    clocks: KnownClocks
 
 
 class Inbox(Declared, Generic[T]):
@@ -77,6 +83,7 @@ class Inbox(Declared, Generic[T]):
         self._counters = slot.counters
         self._where = slot.where
         self._stale_after = slot.stale_after
+        self._clocks = slot.clocks
         self._depth = depth
         self._thread = threading.get_ident()
         self._lock = threading.Lock()
@@ -84,7 +91,7 @@ class Inbox(Declared, Generic[T]):
         self._awake = False
         self._delays: dict[str, DelayTracker] = {}
         self._waiter: asyncio.Future[None] | None = None
-        self._episodes: set[str] = set()  # keys whose last message was bad, and logged
+        self._episodes: dict[str, float] = {}  # keys of which a bad message was logged: when
 
     # ---- from any thread
 
@@ -183,7 +190,11 @@ class Inbox(Declared, Generic[T]):
         """The next unread message, or None."""
 
     def _open(self, key: str, payload: bytes, encoding: str | None, arrival: float) -> Received[T] | None:
-        """The message in a sample, or None when it is none: counted, and logged once per episode of its key."""
+        """The message in a sample, or None when it is none: counted, and logged once per episode of its key.
+
+        An episode ends with a good message, but lasts at least :data:`_EPISODE`, so that good and bad ones in turn do
+        not fill the log.
+        """
         tracker = self._delays.get(key)
         counters = self._counters
         try:
@@ -196,7 +207,8 @@ class Inbox(Declared, Generic[T]):
             if tracker is None:
                 self._make_room(arrival)
                 tracker = self._delays[key] = DelayTracker()
-            delay = tracker.observe(message.epoch, message.stamp, arrival)
+            measured = self._clocks.offset(message.epoch, arrival)
+            delay = tracker.observe(message.epoch, message.stamp, arrival, measured)
             if delay < 0.0:
                 if self._stale_after < math.inf:
                     raise MessageError(f"got a stamp {-delay:.3g} s ahead of its writer's clock, expected its time")
@@ -204,15 +216,16 @@ class Inbox(Declared, Generic[T]):
         except MessageError as error:
             counters.rejected += 1
             if key not in self._episodes and (tracker is not None or len(self._episodes) < _MAX_STRANGERS):
-                self._episodes.add(key)
-                log.warning("%s: dropped a message: %s (logged once until a good one comes)", key, error)
+                self._episodes[key] = arrival
+                log.warning("%s: dropped a message: %s (logged once until good ones come)", key, error)
             return None
-        self._episodes.discard(key)
+        if self._episodes and abs(arrival - self._episodes.get(key, arrival)) > _EPISODE:
+            del self._episodes[key]
         if delay > self._stale_after:
             counters.late += 1
         counters.delay = delay
         counters.arrival = arrival
-        return Received(key[self._prefix :], message, arrival, delay, tracker.least)
+        return Received(key[self._prefix :], message, arrival, delay, tracker.least, measured)
 
     def _check_key(self, key: str) -> None:
         name = key[self._prefix :]
@@ -225,7 +238,7 @@ class Inbox(Declared, Generic[T]):
             return
         for key in [key for key, tracker in self._delays.items() if now - tracker.heard > _SILENT]:
             del self._delays[key]
-            self._episodes.discard(key)
+            self._episodes.pop(key, None)
             self._forget(key[self._prefix :])
         if len(self._delays) >= _MAX_KEYS:
             raise MessageError(f"got a {_MAX_KEYS + 1}th writer's key, expected at most {_MAX_KEYS}")

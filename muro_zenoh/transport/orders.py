@@ -32,11 +32,11 @@ class Orders(Generic[T]):
         verb: which order.
         key: the key, for the log.
         handle: takes an order, returns its reply or something to await for it.
-        send: sends a reply.
+        send: sends a reply to an order that came at a time.
+        clock: for these times, and for how long an order has waited.
         loop: where ``handle`` is called.
         counters: what becomes of the orders.
         pulse: whether this process was frozen, and an order may be left over from that time.
-        clock: for the time that an order has waited.
     """
 
     def __init__(
@@ -44,26 +44,27 @@ class Orders(Generic[T]):
         verb: Verb[T],
         key: str,
         handle: Callable[[T], Reply | Awaitable[Reply]],
-        send: Callable[[Question, Reply], None],
+        send: Callable[[Question, Reply, float], None],
+        clock: Clock,
         loop: asyncio.AbstractEventLoop,
         counters: Counters,
         pulse: Pulse,
-        clock: Clock,
     ) -> None:
         self._verb = verb
         self._key = key
         self._handle = handle
         self._send = send
+        self._now = clock.now
         self._loop = loop
         self._counters = counters
         self._pulse = pulse
-        self._now = clock.now
         self._lock = threading.Lock()
         self._waiting = 0
         self._tasks: dict[asyncio.Task[None], None] = {}
 
     def file(self, question: Question) -> None:
         """Take a question from the middleware; from any thread."""
+        arrival = self._now()
         with self._lock:
             self._counters.received += 1
             if self._waiting >= MAX_WAITING:
@@ -71,7 +72,7 @@ class Orders(Generic[T]):
                 return
             self._waiting += 1
         try:
-            self._loop.call_soon_threadsafe(self._take, question, self._pulse.paused(), self._now())
+            self._loop.call_soon_threadsafe(self._take, question, self._pulse.paused(), arrival)
         except RuntimeError:
             log.debug("%s: a question came after the loop had closed", self._key)
 
@@ -82,22 +83,22 @@ class Orders(Generic[T]):
             task.cancel()
         return tasks
 
-    def _take(self, question: Question, paused: bool, filed: float) -> None:
+    def _take(self, question: Question, paused: bool, arrival: float) -> None:
         answer: Reply | Awaitable[Reply]
         try:
             order = self._read(question)
-            if (paused or self._now() - filed > LONGEST_WAIT) and not self._verb.at_any_age:
+            if (paused or self._now() - arrival > LONGEST_WAIT) and not self._verb.at_any_age:
                 self._counters.late += 1
                 raise OrderRefused("the process that takes it was frozen, and the order may be old: give it again")
             answer = self._handle(order)
         except Exception as error:
             answer = self._refusal(error)
         if inspect.isawaitable(answer):
-            task = self._loop.create_task(self._finish(question, answer), name=f"order {self._key}")
+            task = self._loop.create_task(self._finish(question, arrival, answer), name=f"order {self._key}")
             self._tasks[task] = None
             task.add_done_callback(self._tasks.pop)
         else:
-            self._reply(question, answer)
+            self._reply(question, arrival, answer)
 
     def _read(self, question: Question) -> T:
         try:
@@ -108,12 +109,12 @@ class Orders(Generic[T]):
             self._counters.rejected += 1
             raise
 
-    async def _finish(self, question: Question, answer: Awaitable[Reply]) -> None:
+    async def _finish(self, question: Question, arrival: float, answer: Awaitable[Reply]) -> None:
         try:
             reply = await answer
         except Exception as error:
             reply = self._refusal(error)
-        self._reply(question, reply)
+        self._reply(question, arrival, reply)
 
     def _refusal(self, error: Exception) -> Reply:
         """What is replied in place of an error; called while it is handled."""
@@ -122,10 +123,10 @@ class Orders(Generic[T]):
         log.exception("%s: taking the order failed", self._key)
         return Reply(accepted=False, reason=f"taking it failed: {type(error).__name__}: {error}")
 
-    def _reply(self, question: Question, reply: Reply) -> None:
+    def _reply(self, question: Question, arrival: float, reply: Reply) -> None:
         with self._lock:
             self._waiting -= 1
-        self._send(question, reply)
+        self._send(question, reply, arrival)
 
 
 def nobody_answered(verb: Verb[Any], key: str, name: str, timeout: float) -> str:

@@ -28,6 +28,7 @@ class Publisher(Generic[T]):
         clock: for stamps.
         numbering: this process's ``epoch``, and the ``seq`` of each message: all publishers of a key count together.
         counters: shared by all publishers of a channel.
+        operator: whose messages these are, where that matters.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class Publisher(Generic[T]):
         clock: Clock,
         numbering: tuple[int, Iterator[int]],
         counters: Counters,
+        operator: str,
     ) -> None:
         self._key = key
         self._link = link
@@ -45,6 +47,7 @@ class Publisher(Generic[T]):
         self._now = clock.now
         self._epoch, self._numbers = numbering
         self._counters = counters
+        self._operator = operator
         self._closers = [link.close]
         self._closed = False
 
@@ -65,6 +68,8 @@ class Publisher(Generic[T]):
             _set(sent, "stamp", self._now())
         _set(sent, "seq", next(self._numbers))
         _set(sent, "epoch", self._epoch)
+        if self._operator:
+            _set(sent, "operator", self._operator)
         for inbox in self._readers:
             inbox.hand(self._key, sent)
         if not self._link.put(encode(sent)):

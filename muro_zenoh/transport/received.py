@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -42,8 +43,10 @@ class Received(Struct, Generic[T], frozen=True, gc=False):
         name: the name in its key (a robot's, a camera's); empty where the channel has none.
         message: the message.
         arrival: when it came [s, our clock].
-        delay: its extra delay: how much later it came than this writer's quickest [s].
+        delay: its extra delay: how much later it came than this writer's quickest [s]; where the writer's clock was
+            measured, its whole delay, when that is more.
         least: the least (arrival - stamp) of this writer [s].
+        measured: (our clock - the writer's) as far as it was measured [s]; infinite when it was not.
     """
 
     name: str
@@ -51,11 +54,15 @@ class Received(Struct, Generic[T], frozen=True, gc=False):
     arrival: float
     delay: float
     least: float
+    measured: float = math.inf
 
     def age(self, now: float) -> float:
         """What staleness is judged by: the time since it came plus its extra delay [s]."""
         return now - self.arrival + self.delay
 
     def captured(self, latency: float = 0.0) -> float:
-        """When it was stamped, by our clock [s], given the least latency on the path here [s]."""
-        return self.message.stamp + self.least - latency
+        """When it was captured, by our clock [s], given the least latency from there to here [s].
+
+        A link that is slow from the beginning is not in that latency, so a measured clock may say that it was earlier.
+        """
+        return self.message.stamp + min(self.least - latency, self.measured)

@@ -157,3 +157,13 @@ def test_while_no_robot_moves_a_round_begins_every_hold_time() -> None:
         if turn.due:
             due.append(k)
     assert len(due) == 3
+
+
+@pytest.mark.parametrize(("off", "state"), [(0.1, "arrived"), (-0.1, "arrived"), (0.2, "off"), (-2.0, "off")])
+def test_a_robot_that_comes_to_its_goal_from_another_side_plans_again(off: float, state: str) -> None:
+    """It may have had to keep clear of another."""
+    ride = set_out(Pose2(0.0, 0.0, 0.0), Destination(1.0, 0.0, 0.0), 0.0, SETTINGS)
+    ended = ride._replace(progress=ride.progress._replace(s=ride.path.length))
+    assert ride_on(ended, Pose2(1.0, 0.0, off), DT, SETTINGS).state == state
+    anyhow = ended._replace(goal=Destination(1.0, 0.0))
+    assert ride_on(anyhow, Pose2(1.0, 0.0, off), DT, SETTINGS).state == "arrived"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -77,7 +78,7 @@ async def _a_stop_needs_no_base_station(fleet: RealFleet) -> None:
     fleet.kill("r3")
     stopped = fleet.muro("stop")
     assert stopped.returncode == 0, stopped.stdout + stopped.stderr
-    assert "r1: has stopped\nr2: has stopped" in stopped.stdout
+    assert re.search(r"^r1 .* has stopped\nr2 .* has stopped$", stopped.stdout, re.MULTILINE)
     await fleet.until(fleet.stationary, 3, "all stand")
     fleet.start("r3")  # it was not running when the stop was ordered
     await fleet.until(lambda: fleet.holds("r3", "no stop state received yet"), 5, "r3 has received no stop state")

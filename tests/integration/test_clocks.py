@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Sequence
+import random
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 import msgpack  # type: ignore[import-untyped]  # it publishes no types
+import msgspec
 import pytest
 
 from agents.simulated_camera import SimulatedCamera
@@ -17,9 +19,12 @@ from muro_zenoh import channels
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.geometry import wrap_to_pi
-from muro_zenoh.messages import Frame, Truth, VelocityCommand
+from muro_zenoh.messages import Frame, Reply, Truth, VelocityCommand, decode, encode
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, Latest, MemoryNetwork
+from muro_zenoh.transport.link import Closable, Question
+from muro_zenoh.transport.memory_faults import Delay
+from muro_zenoh.transport.memory_link import MemoryLink
 from tests.support.memory_lab import Lab, agent, basestation, memory_lab, simulator
 
 CAMERA = {"rate": 10, "jpeg_quality": 0}
@@ -234,5 +239,207 @@ def test_after_a_suspend_nothing_old_is_driven_on_and_the_robots_go_on() -> None
                 assert turned < 1.0  # not a minute's way: 18 rad
             await asyncio.sleep(5.0)
             assert seen.radius_error() < 0.03
+
+    run_virtually(main())
+
+
+# ---- the clocks are compared, and what the comparison is used for
+
+
+@pytest.mark.parametrize("offset", [0.03, -0.03, 40.0, -40.0])
+def test_a_clock_that_is_off_is_measured_and_named_and_the_robot_drives(offset: float) -> None:
+    async def main() -> None:
+        async with observed() as seen:
+            seen.lab.start(ONE, simulator, basestation, agent("r1"))
+            seen.lab.start(ONE, agent("r2"), clock=VirtualClock(offset))
+            await seen.until_driving(5)
+            await asyncio.sleep(2.0)
+            right, off = seen.lab.health("r1"), seen.lab.health("r2")
+            assert right.complaints == ()
+            assert right.numbers["clock_offset_s"] == pytest.approx(0.0, abs=1e-3)
+            assert off.numbers["clock_offset_s"] == pytest.approx(-offset, abs=1e-3)
+            assert off.numbers["clock_round_trip_s"] == pytest.approx(0.0, abs=1e-3)
+            assert off.numbers["clock_bound_s"] < 1e-3
+            (complaint,) = off.complaints
+            words = f"{abs(offset):g} s" if abs(offset) > 1 else f"{1e3 * abs(offset):.0f} ms"
+            assert (
+                complaint == f"clock {words} {'ahead of' if offset > 0 else 'behind'} the base station's (limit 20 ms)"
+            )
+            assert off.reasons == ()
+            assert seen.driving()
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize("step", [0.08, -0.08, 1.0, -1.0])
+def test_a_clock_that_is_set_is_named_within_two_seconds(step: float) -> None:
+    async def main() -> None:
+        async with observed() as seen:
+            clock = VirtualClock()
+            seen.lab.start(ONE, simulator, basestation, agent("r1"))
+            seen.lab.start(ONE, agent("r2"), clock=clock)
+            await seen.until_driving(5)
+            await asyncio.sleep(3.0)
+            clock.offset += step
+            await asyncio.sleep(2.2)
+            words = f"{abs(step):g} s" if abs(step) >= 1 else f"{1e3 * abs(step):.0f} ms"
+            named = f"clock was set {words} {'forward' if step > 0 else 'back'} against the base station's"
+            assert any(named in complaint for complaint in seen.lab.health("r2").complaints)
+            assert seen.lab.health("r1").complaints == ()
+            clock.offset -= step
+            await asyncio.sleep(12.5)
+            assert seen.lab.health("r2").complaints == ()
+
+    run_virtually(main())
+
+
+def slow_link(lab: Lab, there: float, back: float) -> MemoryLink:
+    """A link on which everything takes its time, to the others and back [s]."""
+    link = lab.network.link()
+    link.begin(Delay(random.Random(1), there), "out")
+    link.begin(Delay(random.Random(1), back), "in")
+    return link
+
+
+class Believed:
+    """How old the robot's agent takes its poses for, and how old they are."""
+
+    def __init__(self, seen: Observer) -> None:
+        self._healths = seen.lab.bus.every(channels.HEALTH, "r2", depth=1024)
+
+    async def from_now_on(self) -> None:
+        """Forget all that was reported before."""
+        await asyncio.sleep(2.0)
+        self._healths.drain()
+
+    def ages(self) -> list[float]:
+        """Since the last call [s]."""
+        return [age for health in self._healths.drain() for age in health.message.samples["pose_age_s"]]
+
+
+@pytest.mark.parametrize("offset", [0.0, 40.0])
+@pytest.mark.parametrize(("there", "back"), [(0.1, 0.1), (0.0, 0.2), (0.2, 0.0)])
+def test_a_delay_that_all_poses_have_is_in_their_age_up_to_half_of_the_asymmetry(
+    offset: float, there: float, back: float
+) -> None:
+    async def main() -> None:
+        async with observed() as seen:
+            seen.lab.start(ONE, simulator, basestation, agent("r1"))
+            seen.lab.start(
+                ONE, agent("r2"), clock=VirtualClock(offset), link=slow_link(seen.lab, there=there, back=back)
+            )
+            await seen.until_driving(6)
+            believed = Believed(seen)
+            await believed.from_now_on()
+            await asyncio.sleep(3.0)
+            ages = believed.ages()
+            assert min(ages) == pytest.approx(0.05 + 0.5 * (there + back), abs=0.01)
+            assert max(ages) < 0.05 + 0.5 * (there + back) + 0.08
+
+    run_virtually(main())
+
+
+def test_a_robot_whose_poses_are_always_too_old_stands_still() -> None:
+    """Half a second on the way is more than the limit, and was so from the beginning."""
+
+    async def main() -> None:
+        async with observed() as seen:
+            seen.lab.start(ONE, simulator, basestation, agent("r1"))
+            seen.lab.start(ONE, agent("r2"), link=slow_link(seen.lab, there=0.5, back=0.5))
+            await asyncio.sleep(4.0)
+            truth = seen.truth.values()
+            assert truth["r1"].message.v > 0.05
+            assert truth["r2"].message.v == 0.0
+            assert "no pose for 0." in seen.lab.reasons("r2")[0]
+
+    run_virtually(main())
+
+
+class StationLink(MemoryLink):
+    """The base station's link; what it answers about the time is changed, or lost."""
+
+    def __init__(self, network: MemoryNetwork, lie: Callable[[Reply], Reply | None]) -> None:
+        super().__init__(network, frozenset(), {})
+        self.lie = lie
+
+    def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
+        if not key.endswith("/time"):
+            return super().answer(key, file)
+        return super().answer(key, lambda question: file(_Lied(question, self)))
+
+
+class _Lied:
+    def __init__(self, question: Question, link: StationLink) -> None:
+        self._question, self._link = question, link
+        self.payload, self.encoding = question.payload, question.encoding
+
+    def reply(self, payload: bytes, encoding: str) -> None:
+        reply = self._link.lie(decode(payload, Reply))
+        if reply is not None:
+            self._question.reply(encode(reply), encoding)
+
+
+def shifted(by: float) -> Callable[[Reply], Reply]:
+    return lambda reply: msgspec.structs.replace(reply, received=reply.received + by, stamp=reply.stamp + by)
+
+
+@pytest.mark.parametrize("lie", [-40.0, -1.0, -0.2, 0.2, 1.0, 40.0])
+def test_a_base_station_that_lies_about_its_time_makes_no_pose_younger(lie: float) -> None:
+    """Ahead, its poses seem old to the agents; behind, the pictures seem old to itself."""
+
+    async def main() -> None:
+        async with observed() as seen:
+            station = StationLink(seen.lab.network, lambda reply: reply)
+            seen.lab.start(ONE, basestation, link=station)
+            seen.lab.start(ONE, simulator, agent("r1"), agent("r2"))
+            await seen.until_driving(5)
+            believed = Believed(seen)
+            await believed.from_now_on()
+            await asyncio.sleep(2.0)
+            honest = min(believed.ages())
+            station.lie = shifted(lie)
+            await asyncio.sleep(3.0)
+            await believed.from_now_on()
+            await asyncio.sleep(1.0)
+            ages = believed.ages()
+            assert not ages or min(ages) > honest - 0.005
+            assert abs(lie) < 1.0 or not seen.driving()
+            assert any("clock" in complaint for complaint in seen.lab.health("r2").complaints)
+
+    run_virtually(main())
+
+
+def test_a_base_station_that_does_not_tell_the_time_is_named_and_what_it_said_stays_true() -> None:
+    async def main() -> None:
+        async with observed() as seen:
+            station = StationLink(seen.lab.network, lambda reply: reply)
+            seen.lab.start(ONE, basestation, link=station)
+            seen.lab.start(ONE, simulator, agent("r1"))
+            seen.lab.start(ONE, agent("r2"), link=slow_link(seen.lab, there=0.05, back=0.05))
+            await seen.until_driving(5)
+            believed = Believed(seen)
+            await believed.from_now_on()
+            station.lie = lambda reply: None
+            await asyncio.sleep(20.0)
+            assert min(believed.ages()) > 0.09
+            (complaint,) = seen.lab.health("r2").complaints
+            assert "clock not compared: the base station has not answered for" in complaint
+            assert seen.driving()
+
+    run_virtually(main())
+
+
+def test_a_camera_whose_frames_are_slow_from_the_beginning_is_as_late_as_it_is() -> None:
+    """Its configured latency is the least; what its link adds was invisible before the clocks were compared."""
+
+    async def main() -> None:
+        async with observed() as seen:
+            seen.lab.start(ONE, simulator, link=slow_link(seen.lab, there=0.15, back=0.15))
+            seen.lab.start(ONE, basestation, agent("r1"), agent("r2"))
+            await seen.until_driving(6)
+            believed = Believed(seen)
+            await believed.from_now_on()
+            await asyncio.sleep(3.0)
+            assert min(believed.ages()) > 0.19
 
     run_virtually(main())

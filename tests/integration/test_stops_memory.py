@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from muro_zenoh import channels
@@ -115,6 +116,28 @@ def test_stop_and_then_resume_as_an_operator_gives_them() -> None:
             await fleet.until(lambda: fleet.driving == {"r1"}, 0.5, "r1 alone drives")
             assert (await resume_robots(operator, ())).still_stopped == ()
             await fleet.until(lambda: len(fleet.driving) == 3, 0.5, "all drive")
+
+    run_virtually(main())
+
+
+def test_the_receipt_says_what_the_wheels_did() -> None:
+    """From 0.2 m/s at 1 m/s^2 and a lag of 0.1 s; by the wheels, which are up to a fifth off the true distance."""
+
+    async def main() -> None:
+        async with driving(3) as fleet:
+            await asyncio.sleep(5.0)
+            operator = await fleet.bus(Role.OPERATOR)
+            before = fleet.plant.pose[:, :2].copy()
+            result = await stop_robots(operator, ())
+            assert result.confirmed
+            await asyncio.sleep(2.0)
+            gone = dict(zip(fleet.scenario.robots, np.hypot(*(fleet.plant.pose[:, :2] - before).T), strict=True))
+            for name, receipt in result.robots.items():
+                assert receipt.latched == pytest.approx(0.0, abs=0.01), name
+                assert receipt.at_rest is not None
+                assert 0.1 < receipt.at_rest < 0.7, name
+                assert receipt.travelled == pytest.approx(gone[name], rel=0.25, abs=0.01), name
+                assert gone[name] > 0.01
 
     run_virtually(main())
 

@@ -62,3 +62,35 @@ def test_ctrl_c_leaves_nothing_behind_and_restores_the_cursor(shown: str) -> Non
     assert "interrupted" in terminal.shown
     assert terminal.shown.count(HIDE) == terminal.shown.count(SHOW)
     assert "Traceback" not in terminal.shown
+
+
+def test_the_space_bar_stops_the_fleet_and_r_and_y_resume_it() -> None:
+    with Terminal([*RUN, "hold", "--robots", "2", "--duration", "600"]) as terminal:
+        terminal.until("the behaviour is hold", 30)
+        assert "space: stop every robot   r, then y: resume   Ctrl-C: end the run" in terminal.shown
+        assert not terminal.line_by_line
+        terminal.type(" ")
+        terminal.until("2 of 2 robots stopped", 15)
+        terminal.until("stopped by order (all robots)", 5)
+        assert re.search(r"r1 +0\.\d{3} s +\d\.\d\d s +\d\.\d{3} m +has stopped", plain(terminal.shown))
+        terminal.type("r")
+        terminal.until("resume every robot? Press y", 5)
+        terminal.type("y")
+        terminal.until("resume: base station: accepted", 15)
+        terminal.type("\x03")
+        assert terminal.wait(15) == 130
+        assert terminal.line_by_line  # as it was before
+    assert "Traceback" not in terminal.shown
+
+
+def test_a_run_in_the_background_is_not_suspended_by_its_terminal() -> None:
+    """It has the terminal, and another process is in its foreground."""
+    shell = (
+        "import os, subprocess, sys; "
+        "child = subprocess.Popen([sys.executable, '-P', *sys.argv[1:]], process_group=0); "
+        "sys.exit(child.wait())"
+    )
+    with Terminal(["-c", shell, *RUN, "hold", "--robots", "1", "--duration", "2"]) as terminal:
+        assert terminal.wait(30) == 0
+    assert "hold: 1 robot, 2 s" in plain(terminal.shown)
+    assert "space: stop" not in terminal.shown

@@ -13,13 +13,24 @@ import pytest_asyncio
 
 from muro_zenoh import channels
 from muro_zenoh.channels import ALL_ROLES, Channel
-from muro_zenoh.messages import Behaviour, Calibration, Circle, Health, Message, PlannedPath, StopOrder
+from muro_zenoh.messages import (
+    Behaviour,
+    Calibration,
+    Circle,
+    Health,
+    Lease,
+    LeaseState,
+    Message,
+    PlannedPath,
+    StopOrder,
+)
 from muro_zenoh.transport import Bus, open_bus
 from tests.support.router import Router, router
 from tests.support.waiting import seconds
 
 KEPT: dict[str, Message] = {
     "stop": StopOrder(all=True, names=("r2",), revision=3),
+    "lease": LeaseState(leases=(Lease(program="a", operator="b", epoch=1, since=2.0, left=3.0),)),
     "circle": Circle(x=0.1, y=0.2, radius=0.7),
     "behaviour/r1": Behaviour(behaviour="circle", parameters={"speed": 0.1}),
     "health/r1": Health(role="agent", state="stopped"),

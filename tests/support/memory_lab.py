@@ -17,6 +17,7 @@ from muro_zenoh.messages import Health
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock
 from muro_zenoh.transport import Bus, Latest, MemoryNetwork, make_bus
+from muro_zenoh.transport.memory_link import MemoryLink
 
 Main = Callable[[Bus, Scenario], Awaitable[None]]
 """The main task of a process."""
@@ -61,25 +62,33 @@ class Lab:
         self._tasks = tasks
         self._running: list[asyncio.Task[None]] = []
 
-    def start(self, scenario: Scenario, *mains: Main, clock: Clock | None = None) -> asyncio.Task[None]:
+    def start(
+        self, scenario: Scenario, *mains: Main, clock: Clock | None = None, link: MemoryLink | None = None
+    ) -> asyncio.Task[None]:
         """Start processes of one machine; the last one's task, for a test that ends it.
 
         Args:
             scenario: their settings.
             mains: what they run.
             clock: of that machine; one that is right by default.
+            link: of the process, where it is only one; one without delay by default.
         """
         for main in mains:
-            self._running.append(self._tasks.create_task(self._run(main, scenario, clock or VirtualClock())))
+            running = self._run(main, scenario, clock or VirtualClock(), link or self.network.link())
+            self._running.append(self._tasks.create_task(running))
         return self._running[-1]
 
-    async def _run(self, main: Main, scenario: Scenario, clock: Clock) -> None:
-        async with make_bus(self.network.link(), clock=clock) as bus:
+    async def _run(self, main: Main, scenario: Scenario, clock: Clock, link: MemoryLink) -> None:
+        async with make_bus(link, clock=clock) as bus:
             await main(bus, scenario)
+
+    def health(self, name: str) -> Health:
+        """A process's newest health."""
+        return self._healths.values()[name].message
 
     def reasons(self, name: str) -> tuple[str, ...]:
         """Why a process does not do its work, by its newest health."""
-        return self._healths.values()[name].message.reasons
+        return self.health(name).reasons
 
     def end(self) -> None:
         """Cancel all processes."""

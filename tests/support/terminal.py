@@ -56,6 +56,12 @@ class Terminal:
         """All that was written to the terminal so far, with its control sequences."""
         return self._shown.decode(errors="replace")
 
+    @property
+    def line_by_line(self) -> bool:
+        """Whether keys are passed on at Enter only, and shown, as in a shell."""
+        flags = termios.tcgetattr(self._ours)[3]
+        return bool(flags & termios.ICANON) and bool(flags & termios.ECHO)
+
     def until(self, text: str, limit: float) -> None:
         """Wait until a text was shown.
 

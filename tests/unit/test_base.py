@@ -581,7 +581,7 @@ async def test_processes_give_their_bases_the_limit_of_the_settings(monkeypatch:
     )
     given: list[object] = []
 
-    async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float) -> None:
+    async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float, limits: object) -> None:
         given.append(dead_man)
 
     monkeypatch.setattr(run, "run_bases", run_them)

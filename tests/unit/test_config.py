@@ -281,7 +281,8 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a circle outside the arena": (
         {"arena": SMALL, "behaviour": {"name": "circle"}, "circle": {"radius": 0.9}},
-        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.803 m, so that robots stay inside the arena, 0.197 m",
+        "lab.toml: circle.radius: got 0.9 m around (0, 0), expected at most 0.803 m, so that robots stay inside the "
+        "arena, 0.197 m",
     ),
     "a circle whose centre is outside": (
         {"arena": SMALL, "behaviour": {"name": "pursuit"}, "circle": {"radius": 0.5, "x": 4.0}},
@@ -302,8 +303,8 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a camera too slow for the age that a pose may have": (
         {"robots": 1, "camera": {"north": {"rate": 5.0}}},
-        "lab.toml: timeouts.pose: got 0.25 [s], expected at least 0.45: the frames of camera north are 0.05 s old, 0.2 s "
-        "apart, and one may be lost",
+        "lab.toml: timeouts.pose: got 0.25 [s], expected at least 0.45: the frames of camera north are 0.05 s old, "
+        "0.2 s apart, and one may be lost",
     ),
     "three points": ({"camera": {"north": {"pixels": PIXELS[:3]}}}, "lab.toml: camera.north.pixels: got"),
     "a goal outside the arena": (
@@ -352,7 +353,7 @@ def test_as_many_robots_as_the_error_allows_do_fit() -> None:
 def test_where_the_filter_is_off_only_the_bodies_need_room() -> None:
     table = {"behaviour": {"name": "pursuit"}, "circle": {"radius": 0.8}, "separation": {"enabled": False}}
     assert len(parse({**table, "timeouts": {"command": 0.5}}, robots=14).robot) == 14
-    with pytest.raises(ConfigError, match="at least 0.354 m between their centres. At most 14"):
+    with pytest.raises(ConfigError, match=r"at least 0\.354 m between their centres\. At most 14"):
         parse(table, robots=15)
     goals = {"r1": [[0.0, 0.0]], "r2": [[0.36, 0.0]]}
     assert parse({**table, "goals": goals}, robots=2).goals

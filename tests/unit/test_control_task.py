@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from agents.control_loop import Outgoing, Surroundings
+from agents.master import Master
 from agents.tasks.control import Listener, Sender, Signals, control
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need
@@ -69,7 +70,7 @@ async def running() -> AsyncIterator[Running]:
             bus,
             "r1",
             loop,  # type: ignore[arg-type]
-            Listener(bus, "r1"),
+            Listener(bus, "r1", Master(bus, "r1")),
             Sender(bus, "r1"),
             signals,
         )
@@ -198,7 +199,7 @@ async def test_a_channel_is_declared_with_its_first_message_and_once(monkeypatch
 async def listening() -> AsyncIterator[tuple[Listener, Bus, ManualClock]]:
     network, clock = MemoryNetwork(), ManualClock()
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as other:
-        yield Listener(bus, "r1"), other, clock
+        yield Listener(bus, "r1", Master(bus, "r1")), other, clock
 
 
 async def test_a_behaviour_that_needs_nothing_is_shown_nothing() -> None:
@@ -261,4 +262,4 @@ async def test_a_speed_for_the_behaviour_before_is_not_one_for_the_next() -> Non
         out.put(SpeedReference(speed=0.4))
         assert listener.surroundings(clock.now()).speed is None
         assert closed is not None
-        assert closed._closed
+        assert closed._inbox._closed

@@ -1,4 +1,4 @@
-"""From the twist that a behaviour wants to the command: what the separation filter is asked, and what goes out of it."""
+"""From the twist that a behaviour wants to the command: what the separation filter is asked, and what goes out."""
 
 from __future__ import annotations
 

@@ -55,6 +55,23 @@ def test_the_table_has_a_row_for_each_robot() -> None:
     assert "12 of 60 s   radius error 0.004 m   spacing error 0.031 rad   restarts 1" in lines[0]
 
 
+def test_complaints_are_shown_of_robots_that_drive_too() -> None:
+    rows = [KNOWN._replace(complaints="clock 41 ms behind the base station's (limit 20 ms)")]
+    assert line_of(view(rows=rows)).endswith("restarts 1  r1: clock 41 ms behind the base station's (limit 20 ms)")
+    assert "driving 1/1" in line_of(view(rows=rows))
+    out = io.StringIO()
+    Console(file=out, width=200).print(table_of(view(rows=[HOLDING._replace(complaints="c2"), *rows])))
+    assert "no report yet; c2" in out.getvalue()
+    assert "clock 41 ms behind" in out.getvalue()
+
+
+def test_the_keys_are_explained_where_there_are_any() -> None:
+    for keys in ("space: stop", ""):
+        out = io.StringIO()
+        Console(file=out, width=120).print(table_of(view(), keys))
+        assert ("space: stop" in out.getvalue()) == bool(keys)
+
+
 def test_a_robot_that_drives_otherwise_than_it_wants_is_driving_and_the_table_says_why() -> None:
     row = KNOWN._replace(note="keeps clear of r3")
     assert row.driving

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import pytest
 
+from agents.master import Master
 from agents.robot import Connection, Robot
 from agents.tasks.control import Listener
 from muro_zenoh import channels
@@ -81,7 +82,7 @@ def test_a_neighbours_position_is_predicted_to_now(age: float, snapshot_age: flo
 async def test_a_snapshot_grows_older_until_the_behaviour_sees_it() -> None:
     network, clock = MemoryNetwork(), ManualClock()
     async with make_bus(network.link(), clock=clock) as station, make_bus(network.link(), clock=clock) as bus:
-        listener = Listener(bus, "r1")
+        listener = Listener(bus, "r1", Master(bus, "r1"))
         listener.need(frozenset(pursuit.BEHAVIOUR.needs))
         out = station.publisher(channels.ALL_POSITIONS)
         state = RobotState("r2", 0.5, 0.0, 0.0, 0.2, 0.0, 0.05, "tracking")

@@ -9,14 +9,14 @@ import pytest
 
 from muro_zenoh import channels
 from muro_zenoh.messages import Reply, Resume, SetCircle, Stop
+from muro_zenoh.runtime.virtual_time import VirtualClock
 from muro_zenoh.transport import MemoryNetwork, make_bus
-from tests.support.memory_lab import OffsetClock
 from tests.support.virtual import virtual
 
 
 @virtual
 async def test_an_order_that_may_be_left_over_from_a_pause_is_refused_and_a_stop_is_taken() -> None:
-    network, clock = MemoryNetwork(), OffsetClock()
+    network, clock = MemoryNetwork(), VirtualClock()
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link()) as operator:
         bus.answer(channels.SET_CIRCLE, lambda order: Reply(accepted=True))
         bus.answer(channels.RESUME, lambda order: Reply(accepted=True))
@@ -55,5 +55,5 @@ async def test_a_bus_that_is_closed_beats_no_more() -> None:
 
 
 @pytest.mark.parametrize("verb", channels.VERBS, ids=lambda verb: verb.word)
-def test_only_a_stop_is_carried_out_at_any_age(verb: channels.Verb[Stop]) -> None:
-    assert verb.at_any_age == (verb.word == "stop")
+def test_only_an_order_that_moves_no_robot_is_carried_out_at_any_age(verb: channels.Verb[Stop]) -> None:
+    assert verb.at_any_age == (verb.word in ("stop", "lease", "time"))

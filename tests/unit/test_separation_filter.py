@@ -104,3 +104,22 @@ def test_a_robot_that_is_not_in_the_snapshot_brakes() -> None:
 def test_an_old_snapshot_is_none() -> None:
     old = Snapshot((row("r1", 0.0, 0.0),), -0.05, 1, 0.51)
     assert separation().step(0.46, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, old).reason == "brakes: no fresh positions"
+
+
+def test_a_slow_robot_that_is_free_does_not_lose_patience() -> None:
+    made = separation()
+    slow = Twist2(0.01, 0.0)
+    for k in range(200):
+        now, x = 0.05 * k, 0.0005 * k
+        at = State(x, 0.0, 0.0, 0.01, 0.0)
+        assert made.step(now, at, slow, Snapshot((row("r1", x, 0.0, v=0.01),), now, 1, 0.0)) == (slow, "")
+
+
+def test_a_parked_robot_makes_room_for_one_that_waits_and_no_other() -> None:
+    for omega, reason in ((0.4, "makes room for r2"), (0.0, "")):
+        other = row("r2", 0.5, 0.0, math.pi)._replace(omega=omega)
+        made = separation(row("r1", 0.0, 0.0), other)
+        at = State(0.0, 0.0, 0.0, 0.0, 0.0)
+        step = made.step(0.0, at, STILL, seen(row("r1", 0.0, 0.0), other), (0.0, 0.0))
+        assert step.reason == reason
+        assert (step.twist != STILL) == bool(reason)

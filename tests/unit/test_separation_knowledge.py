@@ -14,14 +14,18 @@ BODY = Body()
 SETTINGS = SeparationSettings()
 
 
-def bounds_after(theta: float, *, changed_at: float = 0.0, until: float = 0.0) -> list[float]:
+def bounds_after(theta: float, *, changed_at: float = 0.0, until: float = 0.0, leaves: float = 0.0) -> list[float]:
     """How far r0 at the origin may go, along x, on account of r1, which stands at 0.8 m with a heading. Both stood, so
-    that each has half of the free 0.4 m; from ``changed_at`` on r0 drives, and gets six sevenths of what is free."""
+    that each has half of the free 0.4 m; from ``changed_at`` on r0 drives, and gets six sevenths of what is free, and
+    r1 drives with the speed ``leaves`` (it is seen where it was, as if it had gone there meanwhile)."""
     known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
     for k in range(round((until + 1.0) / 0.05) + 1):
         sent = -1.0 + 0.05 * k
         v = 0.5 if sent >= changed_at - 1e-9 else 0.0
-        rows = (Neighbour("r0", 0.0, 0.0, 0.0, v, 0.0, 0.0), Neighbour("r1", 0.8, 0.0, theta, 0.0, 0.0, 0.0))
+        rows = (
+            Neighbour("r0", 0.0, 0.0, 0.0, v, 0.0, 0.0),
+            Neighbour("r1", 0.8, 0.0, theta, leaves if v else 0.0, 0.0, 0.0),
+        )
         known.learn(sent, Snapshot(rows, sent, 1, 0.0))
     lines = known.lines(0.0, 0.0, 1.0)
     assert all((line.nx, line.ny) == pytest.approx((1.0, 0.0)) for line in lines)
@@ -37,7 +41,11 @@ def test_one_that_may_still_come_by_an_older_snapshot_keeps_its_half() -> None:
 
 
 def test_one_that_cannot_turn_round_by_then_does_not_matter() -> None:
-    assert min(bounds_after(0.0)) == pytest.approx(NEWEST)
+    assert min(bounds_after(0.0, leaves=0.5)) == pytest.approx(NEWEST)
+
+
+def test_one_that_stands_and_faces_away_may_back_up() -> None:
+    assert min(bounds_after(0.0)) == pytest.approx(0.2, abs=0.05)
 
 
 def test_the_line_of_the_newest_snapshot_is_obeyed_as_it_is() -> None:
@@ -48,7 +56,7 @@ def test_the_line_of_the_newest_snapshot_is_obeyed_as_it_is() -> None:
 @pytest.mark.parametrize(("until", "bound"), [(0.2, 0.2), (0.85, NEWEST)])
 def test_an_older_line_matters_less_the_less_time_is_left_to_drive_by_it(until: float, bound: float) -> None:
     """The last of the first kind was sent at -0.05 s: it is too old at 0.45 s, and the dead-man acts 0.35 s later."""
-    assert min(bounds_after(math.pi, until=until)) == pytest.approx(bound, abs=0.03)
+    assert min(bounds_after(math.pi, until=until)) == pytest.approx(bound, abs=0.05)
 
 
 def test_a_snapshot_that_was_overtaken_is_obeyed_but_shows_nothing() -> None:
@@ -56,7 +64,11 @@ def test_a_snapshot_that_was_overtaken_is_obeyed_but_shows_nothing() -> None:
     for k, x in ((0, 0.8), (2, 0.9), (1, 0.7)):
         rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", x, 0.0, math.pi, 0.0, 0.0, 0.0))
         known.learn(0.1, Snapshot(rows, 0.05 * k, 1, 0.1 - 0.05 * k))
-    assert sorted(line.bound for line in known.lines(0.0, 0.0, 1.0)) == pytest.approx([0.15, 0.2, 0.25], abs=0.02)
+    # half of 0.5 m from the newest, of 0.4 m from the first; from the one that came last, what r1 can still reach
+    bounds = [line.bound for line in known.lines(0.0, 0.0, 1.0)]
+    assert len(bounds) == 3
+    assert max(bounds) == pytest.approx(0.25)
+    assert 0.15 <= min(bounds) < 0.24
     assert [near.x for near in known.near(0.1, 0.0, 0.0, 2.0)] == [0.9]
 
 

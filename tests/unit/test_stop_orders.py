@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import re
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -21,8 +23,9 @@ from muro_zenoh.cli.main import main
 from muro_zenoh.config import BusSettings, parse_scenario
 from muro_zenoh.errors import NoReply
 from muro_zenoh.geometry import Pose2
-from muro_zenoh.messages import Health, Reply, Resume, StopOrder
-from muro_zenoh.orders.stop import StopStatus, resume_robots, stop_robots
+from muro_zenoh.messages import Health, Odometry, Reply, Resume, StopOrder
+from muro_zenoh.orders.receipt import StopStatus
+from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.safety.stop import StopLatch
 from muro_zenoh.transport import Bus, MemoryNetwork, Publisher, make_bus
@@ -38,6 +41,8 @@ class Agent:
     bus: Bus
     deaf: bool = False
     """It is alive, and reads nothing: frozen."""
+    speed: float = 0.0
+    """Of its wheels, which brake when it has latched a stop [m/s]."""
     reports: Publisher[Health] = field(init=False)
     latch: StopLatch = StopLatch()
 
@@ -46,6 +51,16 @@ class Agent:
         self.bus.announce(Role.AGENT, self.name)
         self.report()
         self.task = asyncio.create_task(self._run(), name=f"agent {self.name}")
+        self.wheels = asyncio.create_task(self._turn(), name=f"base {self.name}")
+
+    async def _turn(self) -> None:
+        odometry, x = self.bus.publisher(channels.ODOMETRY, self.name), 0.0
+        while True:
+            odometry.put(Odometry(x=x, y=0.0, theta=0.0, v=self.speed, omega=0.0))
+            await asyncio.sleep(0.04)
+            if self.latch.stopped:
+                self.speed = max(0.0, self.speed - 0.04)  # 1 m/s^2
+            x += 0.04 * self.speed
 
     def report(self, **changed: Any) -> None:
         """Publish its health."""
@@ -95,8 +110,8 @@ class Lab:
         return await self.stack.enter_async_context(bus)
 
     async def agents(self, *names: str, deaf: str = "") -> dict[str, Agent]:
-        there = {name: Agent(name, await self.join(Role.AGENT), name == deaf) for name in names}
-        self.stack.callback(lambda: [agent.task.cancel() for agent in there.values()])
+        there = {name: Agent(name, await self.join(Role.AGENT, Role.BASE), name == deaf) for name in names}
+        self.stack.callback(lambda: [task.cancel() for agent in there.values() for task in (agent.task, agent.wheels)])
         await asyncio.sleep(0)
         return there
 
@@ -142,6 +157,11 @@ def virtual(test: Test) -> Callable[[], None]:
     return run
 
 
+def statuses(result: StopResult) -> dict[str, StopStatus]:
+    """What is known of each robot."""
+    return {name: receipt.status for name, receipt in result.robots.items()}
+
+
 # ---- what is sent
 
 
@@ -161,7 +181,7 @@ async def test_a_robot_that_connects_while_the_stop_is_given_hears_of_it(there: 
     await asyncio.sleep(0.45)
     there.network._kept.clear()  # nothing but the repetition can tell it
     late = await there.agents("r1")
-    assert (await stopping).robots == {"r1": StopStatus.STOPPED}
+    assert statuses(await stopping) == {"r1": StopStatus.STOPPED}
     assert late["r1"].latch.all_robots
 
 
@@ -195,7 +215,7 @@ def test_a_stop_is_the_whole_state_with_what_was_stopped_before(
 async def test_who_knows_no_state_sends_revision_0_and_stops_only_those_named(there: Lab) -> None:
     agents = await there.agents("r1", "r2")
     result = await stop_robots(there.operator, ("r1",))
-    assert result.robots == {"r1": StopStatus.STOPPED}
+    assert statuses(result) == {"r1": StopStatus.STOPPED}
     assert (agents["r1"].latch.stopped, agents["r1"].latch.revision) == (True, 0)
     assert not agents["r2"].latch.received
 
@@ -228,9 +248,81 @@ async def test_only_who_reports_the_stop_has_stopped(there: Lab) -> None:
     await there.base_station()
     began = there.clock.now()
     result = await stop_robots(there.operator, ())
-    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.UNCONFIRMED}
+    assert statuses(result) == {"r1": StopStatus.STOPPED, "r2": StopStatus.UNCONFIRMED}
     assert not result.confirmed
     assert there.clock.now() - began == pytest.approx(3.1, abs=0.05)  # it was waited for
+
+
+@virtual
+async def test_the_receipt_says_when_each_robot_was_at_rest_and_how_far_it_went(there: Lab) -> None:
+    """From 0.4 m/s at 1 m/s^2: 0.4 s and 0.08 m, and up to a period of the odometry each."""
+    agents = await there.agents("r1", "r2")
+    agents["r1"].speed = 0.4
+    await asyncio.sleep(1.02)  # between two reports of the wheels
+    result = await stop_robots(there.operator, ())
+    driven, parked = result.robots["r1"], result.robots["r2"]
+    assert driven.latched == pytest.approx(0.0, abs=1e-3)
+    assert driven.at_rest == pytest.approx(0.4, abs=0.05)
+    assert driven.travelled == pytest.approx(0.08, abs=0.017)
+    assert (parked.travelled, parked.silent) == (0.0, None)
+    assert parked.at_rest is not None
+    assert parked.at_rest <= 0.04
+    assert result.confirmed
+
+
+@virtual
+async def test_wheels_that_still_turn_or_are_silent_have_not_stopped(there: Lab) -> None:
+    agents = await there.agents("r1", "r2", "r3")
+    await there.base_station()
+    agents["r1"].latch = StopLatch(received=True)
+    agents["r1"].speed = 9.0  # it brakes for longer than is waited
+    agents["r2"].wheels.cancel()
+    result = await stop_robots(there.operator, ())
+    assert statuses(result) == {
+        "r1": StopStatus.MOVING,
+        "r2": StopStatus.NO_ODOMETRY,
+        "r3": StopStatus.STOPPED,
+    }
+    assert not result.confirmed
+    assert result.robots["r2"].silent is None or result.robots["r2"].silent > 3.0
+
+
+@virtual
+async def test_wheels_that_turn_again_are_not_at_rest(there: Lab) -> None:
+    agents = await there.agents("r1")
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(0.3)
+    agents["r1"].deaf, agents["r1"].latch = True, StopLatch(received=True)  # it drives on, and does not say so
+    agents["r1"].speed = 0.2
+    result = await stopping
+    assert statuses(result) == {"r1": StopStatus.MOVING}
+
+
+@virtual
+async def test_a_stop_leaves_nothing_on_the_bus(there: Lab) -> None:
+    await there.agents("r1")
+    await there.base_station()
+    before = len(there.operator._open)
+    await stop_robots(there.operator, ())
+    await resume_robots(there.operator, ())
+    assert len(there.operator._open) == before
+
+
+def test_the_receipt_as_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        await there.agents("r1", "r2", deaf="r2")
+        await there.base_station()
+
+    done = muro("stop", "--json", prepare=prepare, monkeypatch=monkeypatch)
+    receipt = json.loads(done.output)
+    assert receipt["confirmed"] is False
+    assert receipt["basestation"] == {"accepted": True, "reason": "", "revision": 3}
+    r1, r2 = receipt["robots"]["r1"], receipt["robots"]["r2"]
+    assert (r1["status"], r2["status"]) == ("stopped", "unconfirmed")
+    assert (r1["travelled_m"], r1["silent_s"], r2["latched_after_s"]) == (0.0, None, None)
+    assert 0.0 <= r1["at_rest_after_s"] <= 0.04
+    assert r2["silent_s"] == pytest.approx(3.1, abs=0.1)
+    assert done.exit_code == 1
 
 
 @virtual
@@ -239,7 +331,7 @@ async def test_a_late_confirmation_counts(there: Lab) -> None:
     stopping = asyncio.create_task(stop_robots(there.operator, ()))
     await asyncio.sleep(2.5)
     agents["r1"].report(stop_latched=True)
-    assert (await stopping).robots == {"r1": StopStatus.STOPPED}
+    assert statuses(await stopping) == {"r1": StopStatus.STOPPED}
 
 
 @pytest.mark.parametrize("after", [0.3, 1.0])
@@ -254,7 +346,7 @@ def test_who_disappears_before_he_has_confirmed_is_named_all_the_same(after: flo
             agents["r2"].task.cancel()
             await agents["r2"].bus.close()
             result = await stopping
-            assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
+            assert statuses(result) == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
             assert not result.confirmed
 
     run_virtually(run())
@@ -272,7 +364,7 @@ async def test_who_disappeared_before_the_stop_is_named_as_long_as_it_is_on_the_
     await there.agents("r1")
     await there.base_station(sightings(there, "r1", "r2"))
     result = await stop_robots(there.operator, ())
-    assert result.robots == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
+    assert statuses(result) == {"r1": StopStatus.STOPPED, "r2": StopStatus.NOT_ALIVE}
     assert not result.confirmed
     assert (await stop_robots(there.operator, ("r1",))).confirmed, "of those that are named only"
 
@@ -411,13 +503,24 @@ def muro(*arguments: str, prepare: Test, monkeypatch: pytest.MonkeyPatch) -> Res
     return CliRunner().invoke(main, arguments, prog_name="muro")
 
 
+def at_some_beat(output: str) -> str:
+    """A receipt of robots at rest, whenever their wheels reported that: at 25 Hz."""
+    return re.sub(r"0\.0[0-4] s  ", "0.0x s  ", output)
+
+
 def test_the_command_names_a_robot_that_does_not_confirm_and_exits_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
     async def prepare(there: Lab) -> None:
         await there.agents("r1", "r2", deaf="r2")
         await there.base_station()
 
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
-    assert done.output == "base station: accepted, revision 3\nr1: has stopped\nr2: DOES NOT CONFIRM\n"
+    assert at_some_beat(done.output).splitlines()[1:] == [
+        "base station: accepted, revision 3",
+        "robot  latched after  at rest after  travelled",
+        "r1     0.000 s        0.0x s         0.000 m    has stopped",
+        "r2     -              0.0x s         0.000 m    DOES NOT CONFIRM",
+        "1 of 2 robots stopped; r2 silent for 3.1 s",
+    ]
     assert done.exit_code == 1
 
 
@@ -426,9 +529,13 @@ def test_the_command_exits_with_0_when_everybody_has_confirmed(monkeypatch: pyte
         await there.agents("r1", "r2")
 
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
-    assert done.output == (
+    assert at_some_beat(done.output) == (
+        "stop sent 22:13:20.000\n"
         "base station: did not answer: only the agents that are running now remember this stop, until it is back\n"
-        "r1: has stopped\nr2: has stopped\n"
+        "robot  latched after  at rest after  travelled\n"
+        "r1     0.000 s        0.0x s         0.000 m    has stopped\n"
+        "r2     0.000 s        0.0x s         0.000 m    has stopped\n"
+        "2 of 2 robots stopped\n"
     )
     assert done.exit_code == 0
 
@@ -439,7 +546,10 @@ def test_the_command_names_a_robot_that_is_seen_and_not_alive(monkeypatch: pytes
         await there.base_station(sightings(there, "r1", "r2"))
 
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
-    assert done.output.endswith("r1: has stopped\nr2: is not alive, so it does not confirm\n")
+    assert done.output.splitlines()[-2:] == [
+        "r2     -              -              -          is not alive, so it does not confirm",
+        "1 of 2 robots stopped; no word from r2",
+    ]
     assert done.exit_code == 1
 
 

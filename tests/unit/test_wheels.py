@@ -44,7 +44,7 @@ async def test_unknown_wheels_are_refused_with_the_known_ones() -> None:
         check_can_run(lab("hovercraft"), "lab.toml")
 
 
-@pytest.mark.parametrize("helper", ["base", "run", "table", "wheels"])
+@pytest.mark.parametrize("helper", ["base", "obedience", "run", "table", "wheels"])
 def test_helper_modules_are_not_wheels(helper: str) -> None:
     with pytest.raises(ConfigError, match=helper):
         table.check_base(lab(helper), "r1", "lab.toml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
@@ -46,10 +47,18 @@ class Certificate:
         if y - reach < inside.y_min:
             lines.append(Line(0.0, -1.0, -inside.y_min, WALL))
         # A violation that braking cannot avoid is kept, never deepened.
-        self._lines = [
-            (nx, ny, max(bound, *(nx * px + ny * py for px, py in rest)) + _GRACE, other)
-            for nx, ny, bound, other in lines
-        ]
+        braking = max(math.dist(rest[0], point) for point in rest)
+        self._lines: list[tuple[float, float, float, str, float]] = []
+        """Each with the distance from the robot to it [m]."""
+        for nx, ny, bound, other in lines:
+            here = nx * x + ny * y
+            if bound - here < braking:
+                for px, py in rest:
+                    if nx * px + ny * py > bound:
+                        bound = nx * px + ny * py
+            bound += _GRACE
+            self._lines.append((nx, ny, bound, other, bound - here))
+        self._nearest = min((line[-1] for line in self._lines), default=math.inf)
         self._obstacles: list[tuple[Obstacle, float]] = [
             (obstacle, min(obstacle.keep, clearance(obstacle, rest)) - _GRACE)
             for obstacle in (*known.obstacles, *known.walls)
@@ -66,11 +75,18 @@ class Certificate:
             return ""
         # The robot may brake at its next decision, too; what is between the two lies between these paths.
         for held in (self._hold, _PERIOD):
+            if not self._obstacles:
+                top = max(abs(self._state.v), abs(command.v))
+                if top * held + stopping_distance(top, self._body) < self._nearest:
+                    continue
             points = braking_path(self._state, command, held, self._body)
-            for nx, ny, bound, other in self._lines:
-                for x, y in points:
-                    if nx * x + ny * y > bound:
-                        return other
+            x0, y0 = points[0]
+            far = max(math.hypot(x - x0, y - y0) for x, y in points) + _GRACE
+            for nx, ny, bound, other, away in self._lines:
+                if away < far:
+                    for x, y in points:
+                        if nx * x + ny * y > bound:
+                            return other
             for obstacle, allowed in self._obstacles:
                 if clearance(obstacle, points) < allowed:
                     return obstacle.name

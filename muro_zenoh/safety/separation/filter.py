@@ -66,11 +66,12 @@ class Separation:
     ) -> None:
         self._nominal = self._body = body
         self._settings = settings
-        self._changed = False  # the last command
         keep = body.radius + settings.wall_margin
         self._inside = arena.shrunk(keep)
         self._known = Knowledge(name, body, others, settings, walls)
         self._route = Route(arena, self._inside, walls, keep)
+        self._free = True
+        """Whether the robot did as it wanted in the last step."""
         self._courtesy = Courtesy()
         self._patience = Patience(sorted({name, *others}).index(name))
 
@@ -111,7 +112,7 @@ class Separation:
         certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         near = self._known.near(now, state.x, state.y, _LOOK)
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
-        stood = self._patience.look(now, state, speed > _WANTS and far and self._changed)
+        stood = self._patience.look(now, state, speed > _WANTS and far and not self._free and not self._route.waits)
         rests = speed <= _WANTS
         room = self._courtesy.look(now, state, rests, target, near, self._inside)
         if room is not None:
@@ -123,9 +124,10 @@ class Separation:
             if self._courtesy.returns and speed > UNHURRIED:
                 velocity = velocity[0] * UNHURRIED / speed, velocity[1] * UNHURRIED / speed
                 wanted = guided(state, (), *velocity, UNHURRIED, self._body.omega_max)
-                desired = wanted
             given, reason = self._get_past(now, state, wanted, velocity, near, certificate, target, stood)
-        self._changed = bool(reason)
+            if not reason and self._courtesy.returns and speed > UNHURRIED:
+                reason = "goes back to where it made room"
+        self._free = not reason
         return Separated(given if reason else desired, reason)
 
     def _get_past(

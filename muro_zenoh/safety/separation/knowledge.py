@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
@@ -49,15 +50,19 @@ class _Received:
 
 
 class _Mate(NamedTuple):
-    """A robot of the fleet in the newest snapshot: its row, body, time of its fix [s, local clock], the distance of the
-    centres to keep [m], and its heading's cosine and sine."""
+    """A robot of the fleet in the newest snapshot: its ``name``, ``row``, ``body``, time of its fix [s, local clock],
+    the distance of the centres to ``keep`` [m], its heading's cosine ``c`` and sine ``s``, the ``part`` of the free
+    floor that its line leaves at least, and how far it comes at most before it goes by no older snapshot [m]."""
 
+    name: str
     row: Row
     body: Body
     captured: float
     keep: float
     c: float
     s: float
+    part: float
+    comes: float
 
 
 class Knowledge:
@@ -88,7 +93,7 @@ class Knowledge:
         self._received: deque[_Received] = deque()
         self._listening_since = math.inf
         self._me: Row | None = None
-        self._mates: dict[str, _Mate] = {}
+        self._mates: list[_Mate] = []
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, in the newest snapshot."""
@@ -104,10 +109,12 @@ class Knowledge:
         Returns:
             Why the robot must not drive on what it knows; empty when it may.
         """
-        if snapshot is not None and _is_finite(snapshot):
-            self._take(now - snapshot.age, snapshot)
-        else:
+        if snapshot is None or not math.isfinite(snapshot.age):
             return "no fresh positions"
+        if not self._has(snapshot):
+            if not _is_finite(snapshot):
+                return "no fresh positions"
+            self._take(now - snapshot.age, snapshot)
         newest = self._received[-1].sent
         if not now - newest <= self._settings.snapshot_limit:
             return "no fresh positions"
@@ -122,11 +129,15 @@ class Knowledge:
         """For how long before the newest snapshot another robot's may have been sent that it still obeys [s]."""
         return self._settings.snapshot_limit + self._settings.hold
 
+    def _has(self, snapshot: SharedSnapshot) -> bool:
+        stamp, epoch = snapshot.stamp, snapshot.epoch
+        for each in reversed(self._received):
+            if each.stamp == stamp and each.epoch == epoch:
+                return True
+        return False
+
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
-        for each in reversed(received):
-            if each.stamp == snapshot.stamp and each.epoch == snapshot.epoch:
-                return
         rows = {row.name: row for row in snapshot.robots}
         me = rows.pop(self._name, None)
         mine = None if me is None else self._stretch(me, self._body)
@@ -146,15 +157,19 @@ class Knowledge:
     def _look(self, sent: float, rows: Mapping[str, Row]) -> None:
         """Where the others are in the newest snapshot."""
         obstacles: list[Obstacle] = []
-        self._mates, self._seen = {}, []
+        self._mates, self._seen = [], []
         own = self._body.radius + self._settings.margin
+        span = self._span
         for name, row in rows.items():
             body = self._others.get(name)
             c, s = math.cos(row.theta), math.sin(row.theta)
             if body is not None and row.state == "tracking":
                 keep = own + body.radius
                 self._speeds[name] = row.v
-                self._mates[name] = _Mate(row, body, sent - row.age, keep, c, s)
+                part = LEAST_NEED / (2.0 * LEAST_NEED + body.v_max)
+                top = max(body.v_max, abs(row.v))
+                comes = top * (span + row.age + body.lag) + 0.5 * top * top / body.brake
+                self._mates.append(_Mate(name, row, body, sent - row.age, keep, c, s, part, comes))
                 self._seen.append((row, keep, row.v * c, row.v * s))
             else:
                 keep = own + (body or self._largest).radius
@@ -163,10 +178,7 @@ class Knowledge:
         self.obstacles = tuple(obstacles)
 
     def _stretch(self, row: Row, body: Body) -> Stretch:
-        far = stopping_distance(row.v, body)
-        c, s = math.cos(row.theta), math.sin(row.theta)
-        keep = body.radius + 0.5 * self._settings.margin
-        return Stretch(row.x, row.y, row.x + far * c, row.y + far * s, row.v * c, row.v * s, keep)
+        return _stretch_of(row.x, row.y, row.theta, row.v, body, self._settings.margin)
 
     def _obstacle(self, row: Row, body: Body, keep: float) -> Obstacle:
         """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
@@ -187,42 +199,54 @@ class Knowledge:
         """
         found: list[Line] = []
         *older, newest = self._received
-        for name, mate in self._mates.items():
-            row = mate.row
-            free = math.hypot(row.x - x, row.y - y) - mate.keep
+        span, longest_stops = self._span, self._longest_stops
+        for mate in self._mates:
+            name, row, body, captured, keep, _, _, part, comes = mate
+            free = math.hypot(row.x - x, row.y - y) - keep
             # A line leaves a robot at least this part of the free floor between the two stretches.
-            part = LEAST_NEED / (2.0 * LEAST_NEED + mate.body.v_max)
-            if part * (free - self._longest_stops) > reach:
+            if part * (free - longest_stops) > reach:
                 continue
             line = self._line(newest, name)
-            if line is not None and line.nx * x + line.ny * y + reach > line.bound:
+            if line is not None and line[0] * x + line[1] * y + reach > line[2]:
                 found.append(line)
-            horizon = newest.sent + self._span - mate.captured
-            if free <= reach + travel_toward(row.v, 0.0, mate.body, horizon):
-                self._older_lines(x, y, reach, name, mate, older, found)
+            if free <= reach + comes:
+                comes = travel_toward(row.v, 0.0, body, newest.sent + span - captured)
+                if free <= reach + comes:
+                    self._older_lines(x, y, reach, mate, comes, older, found)
         return found
 
     def _older_lines(
-        self, x: float, y: float, reach: float, name: str, mate: _Mate, older: list[_Received], found: list[Line]
+        self, x: float, y: float, reach: float, mate: _Mate, comes: float, older: list[_Received], found: list[Line]
     ) -> None:
-        row = mate.row
+        """Add the lines of older snapshots between this robot and one that comes no further than ``comes`` [m]."""
+        name, row, body, captured, keep, c, s, _, _ = mate
+        # Beside a line a robot that comes straight on has this for itself; less when it comes from elsewhere.
+        away_x, away_y, least = row.x - x, row.y - y, keep + comes + reach
         for start in range(0, len(older), _TOGETHER):
             group = older[start : start + _TOGETHER]
             crossed: list[Line] = []
-            ahead = -1.0
+            ahead, matters = -1.0, False
             for received in group:
-                line = self._line(received, name)
-                if line is not None and line.nx * x + line.ny * y + reach > line.bound:
+                lines = received.lines
+                line = lines[name] if name in lines else self._line(received, name)
+                if line is None:
+                    continue
+                nx, ny, bound, _ = line
+                if nx * x + ny * y + reach > bound:
                     crossed.append(line)
-                    ahead = max(ahead, -line.nx * mate.c - line.ny * mate.s)
-            if not crossed:
+                    toward = -nx * c - ny * s
+                    if toward > ahead:
+                        ahead = toward
+                    if nx * away_x + ny * away_y < least:
+                        matters = True
+            if not matters:
                 continue
             # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
-            drives = group[-1].sent + self._span - mate.captured
-            come = travel_toward(row.v, math.acos(min(1.0, ahead)), mate.body, drives)
+            drives = group[-1].sent + self._span - captured
+            come = travel_toward(row.v, math.acos(min(1.0, ahead)), body, drives)
             for line in crossed:
                 nx, ny, bound, _ = line
-                there = nx * row.x + ny * row.y - mate.keep - come
+                there = nx * row.x + ny * row.y - keep - come
                 if there <= bound:
                     found.append(line)
                 elif nx * x + ny * y + reach > there:
@@ -230,13 +254,14 @@ class Knowledge:
 
     def _line(self, received: _Received, name: str) -> Line | None:
         """The line of a snapshot between this robot and another; None when that did not keep apart by itself then."""
-        if name in received.lines:
-            return received.lines[name]
+        lines = received.lines
+        if name in lines:
+            return lines[name]
         row, body = received.rows.get(name), self._others.get(name)
         line = None
         if row is not None and body is not None and row.state == "tracking" and received.mine is not None:
             line = line_between(received.mine, self._stretch(row, body), name)
-        received.lines[name] = line
+        lines[name] = line
         return line
 
     def near(self, now: float, x: float, y: float, within: float) -> list[Near]:
@@ -265,6 +290,14 @@ class Knowledge:
                 found.append((away - wall.keep, Near(px, py, 0.0, 0.0, wall.keep, WALL)))
         found.sort(key=lambda one: one[0])
         return [one for _, one in found]
+
+
+@lru_cache(maxsize=512)
+def _stretch_of(x: float, y: float, theta: float, v: float, body: Body, margin: float) -> Stretch:
+    """Kept, because in a fleet in one process all robots ask for the same stretches."""
+    far = stopping_distance(v, body)
+    c, s = math.cos(theta), math.sin(theta)
+    return Stretch(x, y, x + far * c, y + far * s, v * c, v * s, body.radius + 0.5 * margin)
 
 
 def clearance(obstacle: Obstacle, points: Sequence[Point]) -> float:

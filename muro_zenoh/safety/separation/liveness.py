@@ -23,6 +23,14 @@ _TURNS: Final = 9
 _MOVED: Final = 0.12
 """A robot that has come this far has not stood still [m]."""
 
+_PATIENCE: Final = 2.5
+_STAGGER: Final = 0.25
+_RANKS: Final = 10
+"""How long a robot stands before it tries something else, and how much longer than the one before it in the order of
+names [s]; after so many robots it begins anew."""
+_TRIES_FOR: Final = 2.5
+"""How long it tries that [s]."""
+
 
 def first_met(x: float, y: float, vx: float, vy: float, near: Sequence[Near]) -> tuple[float, Near | None]:
     """When a robot with a velocity first comes too near to a neighbour, and to which.
@@ -108,7 +116,7 @@ class Patience:
     """
 
     def __init__(self, rank: int) -> None:
-        self._rank = rank
+        self._rank = rank % _RANKS
         self._anchor: tuple[float, float] | None = None
         self._since = 0.0
         self._until = -math.inf
@@ -124,26 +132,25 @@ class Patience:
         Args:
             now: the time [s].
             state: its state.
-            wants: whether it wants to go anywhere.
+            wants: whether it wants to go anywhere and is not free to.
 
         Returns:
             For how long it has stood [s].
         """
         here = state.x, state.y
+        if not wants:
+            self._tries = 0
         if not wants or self._anchor is None or math.dist(here, self._anchor) > _MOVED:
-            if self._anchor is None or not wants or (now >= self._until and math.dist(here, self._anchor) > 0.4):
-                self._tries = 0
-            if self._anchor is None or not wants or math.dist(here, self._anchor) > _MOVED:
-                self._anchor, self._since = here, now
+            self._anchor, self._since = here, now
         if now >= self._until:
             self.side, self.retreating = -1.0, False
-            if now - self._since > 2.5 + 0.25 * (self._rank % 10):
+            if now - self._since > _PATIENCE + _STAGGER * self._rank:
                 self._tries += 1
                 self._since = now
                 if self._tries % 2:
-                    self.side, self._until = 1.0, now + 2.5
+                    self.side, self._until = 1.0, now + _TRIES_FOR
                 else:
-                    self.retreating, self._until = True, now + 2.0 + 0.2 * (self._rank % 10)
+                    self.retreating, self._until = True, now + _TRIES_FOR + _STAGGER * self._rank
         return now - self._since
 
 

@@ -42,6 +42,8 @@ def advance(speed: float, target: float, grow: float, fall: float, lag: float, d
         if stopping < dt:
             distance, speed, dt = 0.5 * speed * stopping, 0.0, dt - stopping
     gap = target - speed
+    if gap == 0.0:
+        return speed, distance + speed * dt
     limit = fall if speed * gap < 0.0 else grow
     size = abs(gap)
     ramp = size / limit - lag

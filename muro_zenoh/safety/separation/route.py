@@ -36,6 +36,8 @@ class Route:
         self._gates = gates_between(walls, arena, keep)
         self._plan: list[Point] = []
         self._plan_again = self._follow_until = -math.inf
+        self.waits = False
+        """Whether the robot lets others through a gate now."""
 
     def toward(
         self, now: float, here: Point, velocity: Point, target: Point, near: Sequence[Near], stood: float, queues: bool
@@ -54,6 +56,7 @@ class Route:
         Returns:
             The velocity [m/s], no faster than the desired one.
         """
+        self.waits = False
         if self._planner.sees(here, target) and stood < _STANDS and now >= self._follow_until:
             return velocity
         if now >= self._plan_again:
@@ -66,6 +69,7 @@ class Route:
         gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates and queues else None
         place = place_to_wait(gate, *here, near) if gate is not None else None
         if place is not None:
+            self.waits = True
             return (
                 _toward(here, place, min(speed, math.dist(place, here)))
                 if math.dist(place, here) > _AT_PLACE

@@ -1,0 +1,73 @@
+"""Keys of the live view that are orders: the space bar stops, r and then y resume."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
+
+from muro_zenoh.cli.receipt import receipt_lines, reply_line
+from muro_zenoh.errors import MuroError
+from muro_zenoh.orders.stop import resume_robots, stop_robots
+from muro_zenoh.transport import Bus
+
+HELP: Final = "space: stop every robot   r, then y: resume   Ctrl-C: end the run"
+
+_SURE: Final = 5.0
+"""The time within which y has to follow r [s]."""
+
+
+class Desk:
+    """Gives orders to all robots.
+
+    The space bar stops, however often it is pressed and whatever else is under way; only the last one's receipt is
+    shown. No key both stops and resumes.
+
+    Args:
+        bus: the bus.
+        say: shows a line to the operator.
+    """
+
+    def __init__(self, bus: Bus, say: Callable[[str], None]) -> None:
+        self._bus = bus
+        self._say = say
+        self._running: asyncio.Task[None] | None = None
+        self._asked = -math.inf
+
+    def press(self, key: str) -> None:
+        """Take a key; all others mean nothing.
+
+        Args:
+            key: the character.
+        """
+        now = self._bus.clock.now()
+        sure = key == "y" and now - self._asked <= _SURE
+        self._asked = now if key == "r" else -math.inf
+        if key == " ":
+            self._begin(self._stop(), "stop every robot")
+        elif key == "r":
+            self._say(f"resume every robot? Press y within {_SURE:g} s; any other key: no")
+        elif sure:
+            self._begin(self._resume(), "resume every robot")
+
+    def close(self) -> None:
+        """Wait for no receipt any longer; orders that were sent stay."""
+        if self._running is not None:
+            self._running.cancel()
+
+    def _begin(self, order: Coroutine[Any, Any, None], name: str) -> None:
+        self.close()
+        self._running = asyncio.create_task(order, name=name)
+
+    async def _stop(self) -> None:
+        self._say("\n".join(receipt_lines(await stop_robots(self._bus, ()))))
+
+    async def _resume(self) -> None:
+        try:
+            result = await resume_robots(self._bus, ())
+        except MuroError as error:
+            self._say(str(error))
+            return
+        still = f"; still stopped: {' '.join(result.still_stopped)}" if result.still_stopped else ""
+        self._say(f"resume: {reply_line(result.reply)}{still}")

@@ -1,0 +1,136 @@
+"""The base station's clock, as every other process measures it: asked about once a second, and answered at once."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from typing import Final
+
+from muro_zenoh import channels
+from muro_zenoh.config import ClockSettings
+from muro_zenoh.errors import MuroError
+from muro_zenoh.messages import AskTime, Reply
+from muro_zenoh.transport.bus import Bus
+from muro_zenoh.transport.clock_offset import OffsetEstimate, RoundTrip
+from muro_zenoh.transport.link import Closable
+
+_PERIOD: Final = 1.0
+_FIRST_PERIOD: Final = 0.1
+_FIRST: Final = 8
+"""So many questions are asked one after the other at the start, and after a clock was set."""
+
+_TIMEOUT: Final = 3.0
+"""An answer is awaited for this time [s]: far longer than a path takes on which a robot may drive, for a path that was
+never measured counts as quick."""
+
+_SILENT: Final = 5.0
+"""A base station that has not answered for this time is a complaint [s]."""
+
+_STEP_SHOWN: Final = 10.0
+"""A clock that was set stays a complaint for this time [s]."""
+
+
+class StationClock:
+    """Our clock against the base station's.
+
+    Args:
+        bus: the bus; its mailboxes judge the base station's messages by what is measured.
+        settings: above which differences there is a complaint.
+    """
+
+    def __init__(self, bus: Bus, settings: ClockSettings) -> None:
+        self._bus = bus
+        self._settings = settings
+        self._estimate = OffsetEstimate()
+        self._epoch = 0
+        self._step = 0.0
+        self._stepped = -math.inf
+        self._answered = bus.clock.now()
+        self._at_once = _FIRST
+
+    async def run(self) -> None:
+        """Measure until cancelled."""
+        while True:
+            with contextlib.suppress(MuroError):  # nobody answers, or not with a reply: that is a complaint below
+                await self._ask()
+            self._at_once = max(0, self._at_once - 1)
+            await asyncio.sleep(_FIRST_PERIOD if self._at_once else _PERIOD)
+
+    async def _ask(self) -> None:
+        bus, best = self._bus, self._estimate.best
+        sent = bus.clock.now()
+        question = AskTime(offset=best.offset if best is not None else None)
+        reply = await bus.ask(channels.TIME, question, timeout=_TIMEOUT)
+        self.take(reply.epoch, RoundTrip(sent, reply.received, reply.stamp, bus.clock.now()))
+
+    def take(self, epoch: int, trip: RoundTrip) -> None:
+        """Take an answer.
+
+        Args:
+            epoch: the base station that answered; another one starts anew.
+            trip: the time stamps.
+        """
+        now = trip.returned
+        if epoch != self._epoch:
+            self._epoch, self._estimate, self._at_once = epoch, OffsetEstimate(), _FIRST
+        step = self._estimate.add(trip)
+        best = self._estimate.best
+        if best is None:
+            return
+        self._answered = now
+        self._bus.clocks.note(epoch, -best.offset, best.returned)
+        if step:
+            self._at_once = _FIRST
+        if abs(step) > self._settings.step:
+            self._step, self._stepped = step, now
+
+    def complaints(self) -> tuple[str, ...]:
+        """What is wrong with our clock or the base station's, for the operator."""
+        now, found = self._bus.clock.now(), []
+        best = self._estimate.best
+        if best is not None and abs(best.offset) - self._estimate.bound(now) > self._settings.skew:
+            found.append(
+                f"clock {_time(best.offset)} {'behind' if best.offset > 0 else 'ahead of'} the base station's "
+                f"(limit {_time(self._settings.skew)})"
+            )
+        if now - self._stepped <= _STEP_SHOWN:
+            found.append(
+                f"clock was set {_time(self._step)} {'back' if self._step > 0 else 'forward'} against the base "
+                f"station's (limit {_time(self._settings.step)} within a second)"
+            )
+        silent = now - self._answered
+        if silent > _SILENT:
+            found.append(f"clock not compared: the base station has not answered for {silent:.0f} s")
+        return tuple(found)
+
+    def numbers(self) -> dict[str, float]:
+        """The offset, the round trip and the offset's bound as gauges for a health message [s]."""
+        best = self._estimate.best
+        if best is None:
+            return {}
+        return {
+            "clock_offset_s": round(best.offset, 6),
+            "clock_round_trip_s": round(best.duration, 6),
+            "clock_bound_s": round(self._estimate.bound(self._bus.clock.now()), 6),
+        }
+
+
+def answer_time(bus: Bus) -> Closable:
+    """Answer with this process's time: what makes it the base station's clock.
+
+    Args:
+        bus: the base station's; its mailboxes judge the askers' messages by what they have measured.
+    """
+
+    def answer(order: AskTime) -> Reply:
+        if order.offset is not None:
+            bus.clocks.note(order.epoch, order.offset, bus.clock.now())
+        return Reply(accepted=True)
+
+    return bus.answer(channels.TIME, answer)
+
+
+def _time(value: float) -> str:
+    value = abs(value)
+    return f"{value:.3g} s" if value >= 1.0 else f"{1e3 * value:.0f} ms"

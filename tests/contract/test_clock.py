@@ -1,0 +1,59 @@
+"""Clocks are compared with the base station's. On the in-memory bus and on Zenoh alike."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from muro_zenoh import channels
+from muro_zenoh.channels import Role
+from muro_zenoh.config import ClockSettings
+from muro_zenoh.messages import FleetSnapshot
+from muro_zenoh.transport.station_clock import StationClock, answer_time
+from tests.contract.conftest import Network
+from tests.contract.helpers import until
+from tests.support.clock import ManualClock
+from tests.support.waiting import within
+
+
+@pytest.mark.parametrize(("ahead", "complaints"), [(0.0, 0), (5000.0, 1), (-5000.0, 1)])
+async def test_a_clock_is_measured_and_judges_what_the_base_station_sends(
+    network: Network, ahead: float, complaints: int
+) -> None:
+    theirs, ours = ManualClock(10_000.0), ManualClock(10_000.0 + ahead)
+    station = await network.open(theirs, roles=[Role.BASESTATION])
+    agent = await network.open(ours, roles=[Role.AGENT])
+    box, out = agent.every(channels.ALL_POSITIONS), station.publisher(channels.ALL_POSITIONS)
+    answer_time(station)
+    clock = StationClock(agent, ClockSettings())
+    measuring = asyncio.create_task(clock.run())
+    await until(lambda: bool(clock.numbers()), "a measurement")
+    assert clock.numbers()["clock_offset_s"] == pytest.approx(-ahead)
+    assert clock.numbers()["clock_round_trip_s"] == 0.0
+    assert len(clock.complaints()) == complaints
+    sent = out.put(FleetSnapshot(robots=(), stamp=theirs.now() - 0.3))  # its first, and already late
+    while True:
+        received = await within(5, box.next(), "a snapshot")
+        if received.message.seq >= sent.seq:
+            break
+    assert received.age(ours.now()) == pytest.approx(0.3)
+    assert received.captured() == pytest.approx(ours.now() - 0.3)
+    # The base station has our clock from the second question on.
+    await until(lambda: station.clocks.offset(agent.epoch, theirs.now()) == pytest.approx(-ahead), "our clock there")
+    measuring.cancel()
+
+
+async def test_without_a_base_station_nothing_is_measured_and_that_is_a_complaint(network: Network) -> None:
+    ours = ManualClock()
+    agent = await network.open(ours, roles=[Role.AGENT])
+    clock = StationClock(agent, ClockSettings())
+    measuring = asyncio.create_task(clock.run())
+    await asyncio.sleep(0.05)
+    ours.advance(4.9)
+    assert (clock.numbers(), clock.complaints()) == ({}, ())
+    ours.advance(0.2)
+    (complaint,) = clock.complaints()
+    assert complaint == "clock not compared: the base station has not answered for 5 s"
+    assert not measuring.done()
+    measuring.cancel()
