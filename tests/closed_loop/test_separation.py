@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -195,7 +196,7 @@ def test_the_turning_rate_does_not_alternate_in_a_crowd() -> None:
 
     while world.time < 12.0:
         world.step(decide)
-    pairs = [pair for each in rates for pair in zip(each, each[1:], strict=False)]
+    pairs = [pair for each in rates for pair in pairwise(each)]
     flips = sum(before * after < 0.0 and abs(before - after) > 1.0 for before, after in pairs)
     assert flips < 0.03 * len(pairs)
 

@@ -81,7 +81,7 @@ def test_the_nearest_goes_first(other: Near, waits: bool) -> None:
 
 
 def test_robots_that_meet_both_turn_clockwise() -> None:
-    (x, y), turned = free_direction(0.0, 0.0, 0.4, 0.0, [near(0.9, 0.0, vx=-0.4)], ARENA, -1.0, 0)
+    x, y = free_direction(0.0, 0.0, 0.4, 0.0, [near(0.9, 0.0, vx=-0.4)], ARENA, -1.0)
     assert y < 0.0 < x
     assert first_met(0.0, 0.0, x, y, [near(0.9, 0.0, vx=-0.4)])[1] is None
 

@@ -75,10 +75,6 @@ class Separation:
         self._route = Route(arena, self._inside, walls, keep)
         self._free = True
         """Whether the robot did as it wanted in the last step."""
-        self._turned = 0
-        """By how many steps the wanted direction was turned in the last step."""
-        self._swerve = 0.0
-        """The side to which the robot swerved in the last step, +1 counter-clockwise; 0 when it did not."""
         self._courtesy = Courtesy()
         self._patience = Patience(sorted({name, *others}).index(name))
 
@@ -135,8 +131,6 @@ class Separation:
             if not reason and self._courtesy.returns and speed > UNHURRIED:
                 reason = "goes back to where it made room"
         self._free = not reason
-        if not reason:
-            self._swerve, self._turned = 0.0, 0
         return Separated(given if reason else desired, reason)
 
     def _get_past(
@@ -170,7 +164,7 @@ class Separation:
             if target is None and goes_along(who, ux, uy):
                 ux, uy = free_speed(x, y, ux, uy, near)
             else:
-                (ux, uy), self._turned = free_direction(x, y, ux, uy, near, self._inside, patience.side, self._turned)
+                ux, uy = free_direction(x, y, ux, uy, near, self._inside, patience.side)
         rows += wall_rows(x, y, self._inside)
         speed = max(math.hypot(*desired), 0.5 * _SLOW)
         twist = self._within_limits(guided(state, rows, ux, uy, speed, self._body.omega_max))
@@ -188,23 +182,21 @@ class Separation:
     def _certified(self, state: State, twist: Twist2, certificate: Certificate, waits: float | None) -> Twist2:
         """The twist, or one like it that passes; a robot that waits turns to and fro, so that others see it.
 
-        A robot that swerves goes on to the same side while that passes.
+        Turning rates are near the one that is driven, and of two sides the one to which the robot turns comes first.
         """
         top = self._body.omega_max
         driven = min(max(state.omega, -top), top)
         low, high = max(-top, driven - _AHEAD_OF_WHEELS), min(top, driven + _AHEAD_OF_WHEELS)
         wanted, straight = (min(max(omega, low), high) for omega in (twist.omega, 0.0))
-        side = self._swerve or math.copysign(1.0, state.omega if abs(state.omega) > 0.1 else twist.omega)
-        on, back = (high, low) if side > 0.0 else (low, high)
-        turns = (on, wanted, straight, back) if self._swerve else (wanted, straight, on, back)
+        turning = state.omega if abs(state.omega) > 0.1 else twist.omega
+        on, back = (low, high) if math.copysign(1.0, turning) < 0.0 else (high, low)
+        turns = (wanted, straight, on, back)
         tries = [(1.0, wanted), *((share, omega) for share in (0.7, 0.4, 0.0) for omega in turns)]
         commands = (Twist2(share * twist.v, omega) for share, omega in tries)
         found = next((command for command in commands if not certificate.blocker(command)), STILL)
-        swerves = found.omega != wanted and found.omega in (on, back) and found != STILL
-        self._swerve = (side if found.omega == on else -side) if swerves else 0.0
         if waits is not None and abs(found.v) <= 0.02 and abs(found.omega) <= 0.3:
-            turning = Twist2(0.0, FIDGET if math.fmod(waits, 2.0) < 1.0 else -FIDGET)
-            return found if certificate.blocker(turning) else turning
+            to_and_fro = Twist2(0.0, FIDGET if math.fmod(waits, 2.0) < 1.0 else -FIDGET)
+            return found if certificate.blocker(to_and_fro) else to_and_fro
         return found
 
     def _within_limits(self, twist: Twist2) -> Twist2:

@@ -20,8 +20,6 @@ HORIZON: Final = 1.5
 """A direction is free when nothing is met within this time [s]."""
 _TURN: Final = math.pi / 12.0
 _TURNS: Final = 9
-_LONGER: Final = 1.3
-"""A direction is turned back when the new one is free for this many times the horizon."""
 _MOVED: Final = 0.12
 """A robot that has come this far has not stood still [m]."""
 
@@ -56,11 +54,9 @@ def first_met(x: float, y: float, vx: float, vy: float, near: Sequence[Near]) ->
 
 
 def free_direction(
-    x: float, y: float, vx: float, vy: float, near: Sequence[Near], inside: Bounds, side: float, turned: int
-) -> tuple[tuple[float, float], int]:
+    x: float, y: float, vx: float, vy: float, near: Sequence[Near], inside: Bounds, side: float
+) -> tuple[float, float]:
     """A velocity turned to one side by the smallest angle at which it is free; else the one that is free longest.
-
-    A smaller angle than in the step before is taken only where it is free for longer, so that it does not alternate.
 
     Args:
         x: the robot's position [m, world].
@@ -70,23 +66,19 @@ def free_direction(
         near: the neighbours.
         inside: where its centre may be.
         side: -1 to turn clockwise, +1 counter-clockwise.
-        turned: by how many steps it was turned in the step before.
-
-    Returns:
-        The velocity [m/s], and by how many steps it is turned.
     """
-    best, found, steps = -1.0, (vx, vy), 0
+    best, found = -1.0, (vx, vy)
     for k in range(_TURNS):
         c, s = math.cos(k * _TURN), side * math.sin(k * _TURN)
         ux, uy = c * vx - s * vy, s * vx + c * vy
         free, _ = first_met(x, y, ux, uy, near)
         if not inside.holds(x + ux, y + uy):
             free = min(free, 0.5)
-        if free >= (_LONGER * HORIZON if k < turned else HORIZON):
-            return (ux, uy), k
+        if free >= HORIZON:
+            return ux, uy
         if free > best:
-            best, found, steps = free, (ux, uy), k
-    return found, steps
+            best, found = free, (ux, uy)
+    return found
 
 
 def goes_along(other: Near, vx: float, vy: float) -> bool:
