@@ -579,30 +579,27 @@ async def test_processes_give_their_bases_the_limit_of_the_settings(monkeypatch:
     lab = parse_scenario(
         {"robots": 1, "timeouts": {"command": 0.7}, "separation": {"enabled": False}}, "lab.toml", name="lab"
     )
-    given: list[object] = []
-    begun = asyncio.Event()
+    given: asyncio.Queue[float] = asyncio.Queue()
 
     async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float, limits: object) -> None:
-        given.append(dead_man)
-        begun.set()
+        given.put_nowait(dead_man)
         await asyncio.Event().wait()
 
-    async def begin(process: Coroutine[object, object, None]) -> None:
-        begun.clear()
+    async def begin(process: Coroutine[object, object, None]) -> float:
         task = asyncio.create_task(process)
-        await within(5, begun.wait(), "the bases")
+        limit = await within(5, given.get(), "the limit")
         task.cancel()
         await asyncio.wait({task})
+        return limit
 
     monkeypatch.setattr(run, "run_bases", run_them)
     monkeypatch.setattr(run, "open_bus", lambda *_: make_bus(MemoryNetwork().link(), roles=[Role.BASE]))
-    await begin(run_base_process(lab, "r1"))
+    assert await begin(run_base_process(lab, "r1")) == 0.7
     monkeypatch.setattr(simulator, "run_bases", run_them)
     async with make_bus(MemoryNetwork().link()) as bus:
         room = simulator.Room(bus, lab, 1, InlineExecutor())
         assert room.floor._watchdog == 0.7
-        await begin(room.run())
-    assert given == [0.7, 0.7]
+        assert await begin(room.run()) == 0.7
 
 
 class TestClocksThatMakeNoSense:

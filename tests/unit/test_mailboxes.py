@@ -363,8 +363,8 @@ async def test_keys_are_bounded_while_they_wait_and_afterwards(monkeypatch: pyte
 
 async def test_garbage_is_logged_once_until_good_messages_come(caplog: pytest.LogCaptureFixture) -> None:
     box = Box(Every)
-    for episode in range(2):
-        for k in range(3):
+    for _ in range(2):
+        for _ in range(3):
             box.clock.advance(20.0)
             box.garble("r1")
             box.inbox.drain()

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
+from muro_zenoh.safety.separation.body import Body, RobotSeen, SharedSnapshot
 from muro_zenoh.safety.separation.guidance import Near
 from muro_zenoh.safety.separation.line import LEAST_NEED, Line, Point, Stretch, line_between, nearest_on
 from muro_zenoh.safety.separation.path import stopping_distance
@@ -44,25 +44,20 @@ class _Received:
 
     __slots__ = ("epoch", "lines", "mine", "rows", "sent", "stamp")
 
-    def __init__(self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, Row]) -> None:
+    def __init__(
+        self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, RobotSeen]
+    ) -> None:
         self.sent, self.stamp, self.epoch, self.mine, self.rows = sent, stamp, epoch, mine, rows
         self.lines: dict[str, Line | None] = {}
 
 
 class _Mate(NamedTuple):
-    """A robot of the fleet in the newest snapshot: its ``name``, ``row``, ``body``, time of its fix [s, local clock],
-    the distance of the centres to ``keep`` [m], its heading's cosine ``c`` and sine ``s``, the ``part`` of the free
-    floor that its line leaves at least, and how far it comes at most before it goes by no older snapshot [m]."""
+    """A robot of the fleet: its ``body``, the distance of the centres to ``keep`` [m], and the ``part`` of the free
+    floor between it and this robot that their line leaves at least."""
 
-    name: str
-    row: Row
     body: Body
-    captured: float
     keep: float
-    c: float
-    s: float
     part: float
-    comes: float
 
 
 class Knowledge:
@@ -85,19 +80,25 @@ class Knowledge:
         walls: Sequence[Wall] = (),
     ) -> None:
         self._name, self._body, self._settings = name, body, settings
-        self._others = dict(others)
         self._largest = max((*others.values(), body), key=lambda known: known.radius)
         self._longest_stops = 2.0 * max(stopping_distance(known.v_max, known) for known in (*others.values(), body))
         keep = body.radius + settings.wall_margin
         self.walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
         self._received: deque[_Received] = deque()
+        self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
-        self._me: Row | None = None
-        self._mates: list[_Mate] = []
+        self._me: RobotSeen | None = None
+        own = body.radius + settings.margin
+        self._mates = {
+            other: _Mate(known, own + known.radius, LEAST_NEED / (2.0 * LEAST_NEED + known.v_max))
+            for other, known in others.items()
+        }
+        self._tracked: list[tuple[RobotSeen, _Mate]] = []
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, in the newest snapshot."""
-        self._seen: list[tuple[Row, float, float, float]] = []
+        self._seen: list[tuple[RobotSeen, float, float]] = []
+        self._sent = -math.inf  # the newest snapshot
 
     def learn(self, now: float, snapshot: SharedSnapshot | None) -> str:
         """Take the newest snapshot; one that is known already changes nothing.
@@ -131,10 +132,7 @@ class Knowledge:
 
     def _has(self, snapshot: SharedSnapshot) -> bool:
         stamp, epoch = snapshot.stamp, snapshot.epoch
-        for each in reversed(self._received):
-            if each.stamp == stamp and each.epoch == epoch:
-                return True
-        return False
+        return any(each.stamp == stamp and each.epoch == epoch for each in reversed(self._received))
 
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
@@ -148,39 +146,34 @@ class Knowledge:
         if not received or sent - received[-1].sent > GAP:
             self._listening_since = sent
         received.append(taken)
-        oldest_row = max((min(row.age, _OLDEST_ROW) for row in rows.values()), default=0.0)
-        while received[0].sent < sent - self._span - oldest_row:
+        oldest_row = min(max([row.age for row in rows.values()], default=0.0), _OLDEST_ROW)
+        oldest = sent - self._span - oldest_row
+        while received[0].sent < oldest:
             received.popleft()
         self._me = me
         self._look(sent, rows)
 
-    def _look(self, sent: float, rows: Mapping[str, Row]) -> None:
+    def _look(self, sent: float, rows: Mapping[str, RobotSeen]) -> None:
         """Where the others are in the newest snapshot."""
         obstacles: list[Obstacle] = []
-        self._mates, self._seen = [], []
-        own = self._body.radius + self._settings.margin
-        span = self._span
+        self._sent, self._tracked, self._seen = sent, [], []
         for name, row in rows.items():
-            body = self._others.get(name)
-            c, s = math.cos(row.theta), math.sin(row.theta)
-            if body is not None and row.state == "tracking":
-                keep = own + body.radius
+            mate = self._mates.get(name)
+            if mate is not None and row.state == "tracking":
                 self._speeds[name] = row.v
-                part = LEAST_NEED / (2.0 * LEAST_NEED + body.v_max)
-                top = max(body.v_max, abs(row.v))
-                comes = top * (span + row.age + body.lag) + 0.5 * top * top / body.brake
-                self._mates.append(_Mate(name, row, body, sent - row.age, keep, c, s, part, comes))
-                self._seen.append((row, keep, row.v * c, row.v * s))
+                self._tracked.append((row, mate))
+                self._seen.append((row, mate.keep, row.v))
             else:
-                keep = own + (body or self._largest).radius
-                obstacles.append(self._obstacle(row, body or self._largest, keep))
-                self._seen.append((row, keep, 0.0, 0.0))
+                body = mate.body if mate is not None else self._largest
+                keep = self._body.radius + self._settings.margin + body.radius
+                obstacles.append(self._obstacle(row, body, keep))
+                self._seen.append((row, keep, 0.0))
         self.obstacles = tuple(obstacles)
 
-    def _stretch(self, row: Row, body: Body) -> Stretch:
-        return _stretch_of(row.x, row.y, row.theta, row.v, body, self._settings.margin)
+    def _stretch(self, row: RobotSeen, body: Body) -> Stretch:
+        return _stretch_of(row.x, row.y, row.theta, row.v, body, body.radius + self._half_margin)
 
-    def _obstacle(self, row: Row, body: Body, keep: float) -> Obstacle:
+    def _obstacle(self, row: RobotSeen, body: Body, keep: float) -> Obstacle:
         """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
         v = self._speeds.get(row.name, 0.0)
         far = v * self._settings.hold + stopping_distance(v, body)
@@ -200,49 +193,58 @@ class Knowledge:
         found: list[Line] = []
         *older, newest = self._received
         span, longest_stops = self._span, self._longest_stops
-        for mate in self._mates:
-            name, row, body, captured, keep, _, _, part, comes = mate
+        for row, mate in self._tracked:
+            body, keep, part = mate
             free = math.hypot(row.x - x, row.y - y) - keep
             # A line leaves a robot at least this part of the free floor between the two stretches.
             if part * (free - longest_stops) > reach:
                 continue
-            line = self._line(newest, name)
+            line = self._line(newest, row.name)
             if line is not None and line[0] * x + line[1] * y + reach > line[2]:
                 found.append(line)
-            if free <= reach + comes:
-                comes = travel_toward(row.v, 0.0, body, newest.sent + span - captured)
+            top = max(body.v_max, abs(row.v))
+            if free <= reach + top * (span + row.age + body.lag) + 0.5 * top * top / body.brake:
+                comes = travel_toward(row.v, 0.0, body, span + row.age)
                 if free <= reach + comes:
-                    self._older_lines(x, y, reach, mate, comes, older, found)
+                    self._older_lines(x, y, reach, row, mate, comes, older, found)
         return found
 
     def _older_lines(
-        self, x: float, y: float, reach: float, mate: _Mate, comes: float, older: list[_Received], found: list[Line]
+        self,
+        x: float,
+        y: float,
+        reach: float,
+        row: RobotSeen,
+        mate: _Mate,
+        comes: float,
+        older: list[_Received],
+        found: list[Line],
     ) -> None:
         """Add the lines of older snapshots between this robot and one that comes no further than ``comes`` [m]."""
-        name, row, body, captured, keep, c, s, _, _ = mate
+        name, body, keep = row.name, mate.body, mate.keep
+        c, s = math.cos(row.theta), math.sin(row.theta)
         # Beside a line a robot that comes straight on has this for itself; less when it comes from elsewhere.
         away_x, away_y, least = row.x - x, row.y - y, keep + comes + reach
+        beyond = self._span - self._sent + row.age
         for start in range(0, len(older), _TOGETHER):
             group = older[start : start + _TOGETHER]
             crossed: list[Line] = []
             ahead, matters = -1.0, False
             for received in group:
-                lines = received.lines
-                line = lines[name] if name in lines else self._line(received, name)
-                if line is None:
-                    continue
-                nx, ny, bound, _ = line
-                if nx * x + ny * y + reach > bound:
-                    crossed.append(line)
-                    toward = -nx * c - ny * s
-                    if toward > ahead:
-                        ahead = toward
-                    if nx * away_x + ny * away_y < least:
-                        matters = True
+                line = received.lines.get(name) or self._line(received, name)
+                if line is not None:
+                    nx, ny, bound, _ = line
+                    if nx * x + ny * y + reach > bound:
+                        crossed.append(line)
+                        toward = -nx * c - ny * s
+                        if toward > ahead:
+                            ahead = toward
+                        if nx * away_x + ny * away_y < least:
+                            matters = True
             if not matters:
                 continue
             # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
-            drives = group[-1].sent + self._span - captured
+            drives = group[-1].sent + beyond
             come = travel_toward(row.v, math.acos(min(1.0, ahead)), body, drives)
             for line in crossed:
                 nx, ny, bound, _ = line
@@ -257,10 +259,10 @@ class Knowledge:
         lines = received.lines
         if name in lines:
             return lines[name]
-        row, body = received.rows.get(name), self._others.get(name)
+        row, mate = received.rows.get(name), self._mates.get(name)
         line = None
-        if row is not None and body is not None and row.state == "tracking" and received.mine is not None:
-            line = line_between(received.mine, self._stretch(row, body), name)
+        if row is not None and mate is not None and row.state == "tracking" and received.mine is not None:
+            line = line_between(received.mine, self._stretch(row, mate.body), name)
         lines[name] = line
         return line
 
@@ -276,9 +278,12 @@ class Knowledge:
         if not self._received:
             return []
         found = []
-        age = now - self._received[-1].sent
-        for row, keep, vx, vy in self._seen:
+        age = now - self._sent
+        for row, keep, v in self._seen:
             old = age + row.age
+            if math.hypot(row.x - x, row.y - y) > within + abs(v * old):
+                continue
+            vx, vy = v * math.cos(row.theta), v * math.sin(row.theta)
             px, py = row.x + vx * old, row.y + vy * old
             away = math.hypot(px - x, py - y)
             if away < within:
@@ -293,11 +298,11 @@ class Knowledge:
 
 
 @lru_cache(maxsize=512)
-def _stretch_of(x: float, y: float, theta: float, v: float, body: Body, margin: float) -> Stretch:
+def _stretch_of(x: float, y: float, theta: float, v: float, body: Body, keep: float) -> Stretch:
     """Kept, because in a fleet in one process all robots ask for the same stretches."""
     far = stopping_distance(v, body)
     c, s = math.cos(theta), math.sin(theta)
-    return Stretch(x, y, x + far * c, y + far * s, v * c, v * s, body.radius + 0.5 * margin)
+    return Stretch(x, y, x + far * c, y + far * s, v * c, v * s, keep)
 
 
 def clearance(obstacle: Obstacle, points: Sequence[Point]) -> float:
@@ -315,6 +320,7 @@ def clearance(obstacle: Obstacle, points: Sequence[Point]) -> float:
 
 
 def _is_finite(snapshot: SharedSnapshot) -> bool:
-    return math.isfinite(snapshot.age + snapshot.stamp) and all(
-        math.isfinite(row.x + row.y + row.theta + row.v + row.omega + row.age) for row in snapshot.robots
-    )
+    total = snapshot.age + snapshot.stamp
+    for row in snapshot.robots:
+        total += row.x + row.y + row.theta + row.v + row.omega + row.age
+    return math.isfinite(total)
