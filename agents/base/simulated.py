@@ -83,7 +83,7 @@ class Floor:
             self._time += behind - _MAX_CATCH_UP
             behind = _MAX_CATCH_UP
         for _ in range(int(behind / STEP)):
-            self.commands[self._time - self._given > self._watchdog] = 0.0
+            self._stop_old()
             self._step()
             self._time += STEP
         self._readings = []
@@ -104,6 +104,10 @@ class Floor:
         self.catch_up()  # the old command applied until now
         self.commands[row] = v, omega
         self._given[row] = self._clock.now()
+
+    def _stop_old(self) -> None:
+        """The watchdog: commands that are too old are followed no more."""
+        self.commands[self._time - self._given > self._watchdog] = 0.0
 
     def _step(self) -> None:
         """Advance the plant by one step."""

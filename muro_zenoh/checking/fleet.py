@@ -117,6 +117,11 @@ class VirtualFleet:
             self._add_camera(name)
         for name in self.scenario.robots:
             self._add_agent(name)
+        self.world.has_base = self._has_base
+
+    def _has_base(self, row: int) -> bool:
+        base = self.base_of(self.scenario.robots[row])
+        return base.running and not base.frozen
 
     async def start(self, *, agents: bool = True) -> None:
         """Start the processes.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import Counter, defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -51,6 +52,8 @@ class World(Floor):
         watchdog: of the wheels [s].
 
     Attributes:
+        has_base: whether a base drives the wheels of a row: then their watchdog leaves it to the base to stop them, so
+            that a base whose dead-man fails is found out.
         jammed: how many faults jam the wheels, by row.
         jammed_for: how long jammed wheels were commanded to turn, by row [s].
         driven: the rows whose wheels somebody else drives: v [m/s], omega [rad/s]; the last one counts.
@@ -58,6 +61,7 @@ class World(Floor):
 
     def __init__(self, plant: Plant, clock: Clock, watchdog: float) -> None:
         super().__init__(plant, clock, watchdog)
+        self.has_base: Callable[[int], bool] = lambda row: False
         self.jammed: Counter[int] = Counter()
         self.jammed_for: defaultdict[int, float] = defaultdict(float)
         self.driven: list[tuple[int, tuple[float, float]]] = []
@@ -105,6 +109,12 @@ class World(Floor):
             del self._hands[row]
         x, y, _ = self.plant.pose[row].tolist()
         return math.hypot(x - hand.start[0], y - hand.start[1])
+
+    def _stop_old(self) -> None:
+        old = (self._time - self._given > self._watchdog) & self.commands.any(axis=1)
+        for row in np.flatnonzero(old).tolist():
+            if not self.has_base(row):
+                self.commands[row] = 0.0
 
     def _step(self) -> None:
         effective = self.commands

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import ast
+from typing import Any
 
 import pytest
 
-from muro_zenoh.checking import minimal
+from muro_zenoh.checking import fleet, minimal
 from muro_zenoh.checking.trial import run_trial
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.safety.separation.certificate import Certificate
+from muro_zenoh.transport import Bus
 from tests import planted
 
 
@@ -22,6 +24,27 @@ def test_each_can_be_planted(fault: planted.Planted) -> None:
 def test_there_are_twenty_with_names_of_their_own() -> None:
     names = [fault.name for fault in planted.planted()]
     assert len(set(names)) == len(names) >= 20
+
+
+@pytest.mark.parametrize("kind", ["crash", "freeze"])
+def test_a_base_that_waits_twice_as_long_is_found_though_its_wheels_have_a_watchdog(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    run_bases = fleet.run_bases
+
+    def patient(bus: Bus, wheels: Any, clock: Any, dead_man: float, limits: Any) -> Any:
+        return run_bases(bus, wheels, clock, 2.0 * dead_man, limits)
+
+    monkeypatch.setattr(fleet, "run_bases", patient)
+    table = {
+        "robots": 1,
+        "duration": 6.0,
+        "camera": {"north": {}},
+        "behaviour": {"name": "circle"},
+        "fault": [{"kind": kind, "target": "r1/agent", "at": 4.0}],
+    }
+    _, result = run_trial(parse_scenario(table, "lab.toml", name="lab"), 1)
+    assert "blind" in {breach.promise for breach in result.breaches}
 
 
 def test_a_filter_that_lets_everything_pass_is_found_and_its_trial_shrunk(monkeypatch: pytest.MonkeyPatch) -> None:
