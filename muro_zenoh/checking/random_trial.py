@@ -49,15 +49,20 @@ def random_trial(seed: int) -> Scenario:
     common = draw.behaviour([])
     own = [draw.behaviour([name]) for name in robots] if draw.chance(0.2) else []
     orders = [*own, *draw.state(cell.activity, begin, first, [common, *own]), *draw.change(robots)]
+    circle = {"radius": draw.uniform(0.8, 1.1), "clockwise": draw.chance(0.5)}
+    goals, second = draw.goals(robots), draw.any_fault(robots, [_CAMERA])
+    if first["target"] in ("basestation", "router") and cell.activity is Activity.DRIVING:
+        # A stop that the base station hears late, or not: what it says meanwhile must not lift it.
+        orders += draw.stop(round(begin + draw.uniform(0.0, 0.7) * first["duration"], 3), [])
     table: Row = {
         "description": f"random trial {seed}",
         "robots": ROBOTS,
         "duration": DURATION,
         "camera": {_CAMERA: {}},
-        "circle": {"radius": draw.uniform(0.8, 1.1), "clockwise": draw.chance(0.5)},
+        "circle": circle,
         "behaviour": {"name": common["behaviour"], **common["parameters"]},
-        "goals": draw.goals(robots),
-        "fault": [first, draw.any_fault(robots, [_CAMERA])],
+        "goals": goals,
+        "fault": [first, second],
         "order": sorted(orders, key=lambda row: float(row["at"])),
     }
     return parse_scenario(table, "random", name="random")

@@ -64,6 +64,16 @@ class TestRandomTrials:
         assert missed == []
         assert sum(1 for cell in CELLS if aimed[tuple(cell)]) > 0.9 * len(CELLS)
 
+    def test_robots_are_stopped_while_the_base_station_is_cut_off(self) -> None:
+        during = Counter()
+        for seed in range(len(CELLS)):
+            trial = random_trial(seed)
+            for fault in trial.faults:
+                stops = [order.at for order in trial.orders if order.kind == "stop" and not order.robots]
+                during[fault.kind, fault.target] += any(fault.at <= at < fault.end for at in stops)
+        for kind in ("delay", "partition", "stall", "freeze", "crash"):
+            assert during[kind, "basestation"], kind
+
     def test_one_can_be_written_to_a_file_and_read_again(self) -> None:
         for seed in range(60):
             trial = random_trial(seed)
