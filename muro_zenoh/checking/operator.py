@@ -35,8 +35,8 @@ class Report(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``; None when no answer came: perhaps it
-    was."""
+    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``; None when no answer came, so it may
+    have been."""
 
     time: float
     order: OrderRow
