@@ -200,9 +200,10 @@ class Knowledge:
             line = self._line(newest, row.name)
             if line is not None and line[0] * x + line[1] * y + reach > line[2]:
                 found.append(line)
-            top = max(body.v_max, abs(row.v))
+            speed = abs(row.v)  # it may come backwards
+            top = max(body.v_max, speed)
             if free <= reach + top * (span + row.age + body.lag) + 0.5 * top * top / body.brake:
-                comes = travel_toward(row.v, 0.0, body, span + row.age)
+                comes = travel_toward(speed, 0.0, body, span + row.age)
                 if free <= reach + comes:
                     self._older_lines(x, y, reach, row, mate, comes, older, found)
         return found
