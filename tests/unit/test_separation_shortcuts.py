@@ -8,13 +8,13 @@ import random
 import pytest
 
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
-from muro_zenoh.geometry import Bounds, State, Twist2
+from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 from muro_zenoh.safety.separation import certificate as certificates
 from muro_zenoh.safety.separation import filter as filters
 from muro_zenoh.safety.separation.body import Row
 from muro_zenoh.safety.separation.certificate import Certificate
-from muro_zenoh.safety.separation.knowledge import _TOGETHER, Knowledge, _Mate, _Received
+from muro_zenoh.safety.separation.knowledge import _TOGETHER, WALL, Knowledge, _Mate, _Received
 from muro_zenoh.safety.separation.line import Line
 from muro_zenoh.safety.separation.path import advance, braking_path
 from muro_zenoh.safety.separation.reach import travel_toward
@@ -129,3 +129,17 @@ def test_a_shortcut_that_is_too_short_shows(monkeypatch: pytest.MonkeyPatch) -> 
     expected = drive(0)
     monkeypatch.setattr(certificates, "stopping_distance", lambda v, body: 0.0)
     assert drive(0) != expected
+
+
+@pytest.mark.parametrize("short", [0.01, 0.03, 0.05, 0.08])
+def test_a_robot_that_cannot_stop_before_a_wall_may_brake(short: float) -> None:
+    known = Knowledge("r0", BODIES["r0"], {}, SeparationSettings())
+    state = State(ARENA.x_max - short, 0.0, 0.0, 0.4, 0.0)  # comes to rest after 0.085 m
+    certificate = Certificate(state, BODIES["r0"], ARENA, _seen(known, state), SeparationSettings(), 0.4)
+    assert certificate.blocker(STILL) == ""
+    assert certificate.blocker(Twist2(0.1, 0.0)) == WALL
+
+
+def _seen(known: Knowledge, state: State) -> Knowledge:
+    known.learn(0.0, Snapshot((Neighbour("r0", *state, 0.0),), 0.0, 1, 0.0))
+    return known
