@@ -13,11 +13,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.path import Path
+from muro_zenoh.safety.separation.body import RobotSeen
 
 if TYPE_CHECKING:  # these need numpy, which most agents do not load
     from muro_zenoh.control.importance import Importance
@@ -45,28 +46,6 @@ class Vehicle(NamedTuple):
     def wall_distance(self) -> float:
         """The distance that its centre keeps from a wall [m]."""
         return self.radius + self.wall_margin
-
-
-class RobotSeen(Protocol):
-    """One robot of a snapshot: position and heading from the cameras, speeds from its agent [m, rad, s; world],
-    ``age`` of the pose fix when the snapshot was sent [s], and ``state``."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def x(self) -> float: ...
-    @property
-    def y(self) -> float: ...
-    @property
-    def theta(self) -> float: ...
-    @property
-    def v(self) -> float: ...
-    @property
-    def omega(self) -> float: ...
-    @property
-    def age(self) -> float: ...
-    @property
-    def state(self) -> str: ...
 
 
 class Neighbour(NamedTuple):

@@ -176,7 +176,8 @@ class Collector:
         bodies = self._bodies(self._bus.clock.now())
         positions = {name: (body.x, body.y) for name, body in bodies.items()}
         stopped = frozenset(name for name, health in self.health.items() if health.message.stop_latched)
-        self.latest = Sample(self.elapsed, positions, self.circle, bodies, stopped)
+        diverted = frozenset(name for name, health in self.health.items() if health.message.note)
+        self.latest = Sample(self.elapsed, positions, self.circle, bodies, stopped, diverted)
         snapshot = self._positions.get()
         if snapshot is not None:
             self._seen.update(robot.name for robot in snapshot.message.robots)

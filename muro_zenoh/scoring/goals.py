@@ -19,6 +19,9 @@ REST: Final = 0.4
 NEAR: Final = 0.10
 """A robot at rest within this distance of a goal has reached it [m]."""
 
+_REPORTED: Final = 1.0
+"""Health is sent this often [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class GoalResult(Table):
@@ -48,7 +51,7 @@ class Tracked(NamedTuple):
     """How a robot followed its paths.
 
     Attributes:
-        errors: distances from the path while it drove [m].
+        errors: distances from the path while it drove, unless others had diverted it from that path [m].
         peak: maximum speed on a straight [m/s]; None when it never drove on one.
     """
 
@@ -64,7 +67,7 @@ def rests(track: Sequence[Moment]) -> list[Rest]:
     """
     found: list[Rest] = []
     since: float | None = None
-    for t, body in track:
+    for t, body, _ in track:
         if not body.stationary:
             since = None
             continue
@@ -107,6 +110,9 @@ def score_goals(goals: Sequence[Sequence[float]], track: Sequence[Moment]) -> tu
 def score_tracking(paths: Sequence[Planned], track: Sequence[Moment]) -> Tracked:
     """One robot's distance from its paths, and its maximum speed on their straights.
 
+    A path from which the robot was diverted, to keep clear of others, does not count from then on: how far it is off
+    says nothing of its law. Health says so up to :data:`_REPORTED` later, so that much before is left out as well.
+
     Args:
         paths: its paths, in order of time; each is valid until the next.
         track: the robot, in order of time.
@@ -114,18 +120,24 @@ def score_tracking(paths: Sequence[Planned], track: Sequence[Moment]) -> Tracked
     errors: list[float] = []
     peak: float | None = None
     k, s = -1, 0.0
-    for t, body in track:
+    on_path: dict[float, float] = {}
+    off = False
+    for t, body, diverted in track:
         while k + 1 < len(paths) and paths[k + 1].t <= t:
-            k, s = k + 1, 0.0
+            errors += on_path.values()
+            k, s, on_path, off = k + 1, 0.0, {}, False
+        if diverted and not off:
+            on_path, off = {at: error for at, error in on_path.items() if at < t - _REPORTED}, True
         if k < 0 or abs(body.v) < STATIONARY_SPEED:
             continue
         path = paths[k].path
         s = path_error(path, Pose2(body.x, body.y, body.theta), s).s
         nearest = path.pose_at(s)
-        errors.append(math.hypot(body.x - nearest.x, body.y - nearest.y))
+        if not off:
+            on_path[t] = math.hypot(body.x - nearest.x, body.y - nearest.y)
         if abs(path.curvature_at(s)) < STRAIGHT:
             peak = max(peak or 0.0, body.v)
-    return Tracked(errors, peak)
+    return Tracked([*errors, *on_path.values()], peak)
 
 
 def _distance(body: Body, goal: Sequence[float]) -> float:

@@ -40,10 +40,11 @@ class Body(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """A robot at one scenario time ``t`` [s]."""
+    """A robot at one scenario time ``t`` [s]; ``diverted`` as in :class:`Sample`."""
 
     t: float
     body: Body
+    diverted: bool = False
 
 
 class Planned(NamedTuple):
@@ -62,6 +63,7 @@ class Sample(NamedTuple):
         circle: the circle to follow at this time.
         bodies: true states by robot, for those known at this time.
         stopped: the robots that were stopped by order at this time.
+        diverted: the robots whose newest health says that they drove otherwise than their behaviours wanted.
     """
 
     t: float
@@ -69,6 +71,7 @@ class Sample(NamedTuple):
     circle: Circle
     bodies: Mapping[str, Body] = MappingProxyType({})
     stopped: frozenset[str] = frozenset()
+    diverted: frozenset[str] = frozenset()
 
 
 class Calibrated(NamedTuple):

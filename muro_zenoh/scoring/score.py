@@ -27,7 +27,9 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
     expected = seen.expected
     window = [s for s in seen.samples if s.t > seen.duration - checks.window - 1e-6]
     radius = _radius_errors(seen, window)
-    tracks = {n: [Moment(s.t, s.bodies[n]) for s in seen.samples if n in s.bodies] for n in seen.robots}
+    tracks = {
+        n: [Moment(s.t, s.bodies[n], n in s.diverted) for s in seen.samples if n in s.bodies] for n in seen.robots
+    }
     goals = {name: score_goals(rows, tracks[name]) for name, rows in expected.goals.items()}
     results = [goal for of_robot in goals.values() for goal in of_robot]
     tracked = {name: score_tracking(paths, tracks[name]) for name, paths in seen.paths.items() if paths}

@@ -155,7 +155,8 @@ class ScoreSheet(Table):
         ErrorSpread,
         Row(
             "the distance of a robot from its newest planned path (`muro/path/<robot>`), over all robots and samples "
-            "in which the robot drove; `null` unless the robots plan paths",
+            "in which the robot drove, and had not been diverted from that path to keep clear of others; `null` unless "
+            "the robots plan paths",
             "m",
             5,
         ),

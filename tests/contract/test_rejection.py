@@ -111,14 +111,13 @@ async def test_a_rejected_message_is_logged_once_per_episode(
     box = reader.every(channels.VELOCITY, "r1")
     await linked(lambda v: network.put(key, plain(v)), box)
     with caplog.at_level(logging.WARNING):
-        for episode in (1, 2):
+        for episode in (1, 2):  # of less than ten seconds each: one for the log
             for _ in range(20):
                 network.put(key, b"garbage")
             network.put(key, plain(episode))
             await within(2, box.next(), "the good one")
-            said = [r for r in caplog.records if r.name.startswith("muro_zenoh")]
-            assert len(said) == episode
-            assert "velocity/r1" in said[-1].getMessage()
+    (said,) = [r for r in caplog.records if r.name.startswith("muro_zenoh")]
+    assert "velocity/r1" in said.getMessage()
 
 
 async def test_garbage_under_a_wildcard_on_ever_new_keys_fills_no_memory(network: Network) -> None:

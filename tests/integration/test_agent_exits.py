@@ -54,7 +54,7 @@ async def driving_agent(folder: Path, behaviour: str) -> AsyncIterator[tuple[Pro
     """An agent process that drives, and every command that it sends; poses and orders come from the test."""
     (folder / "ours.py").write_text(OURS)
     with router() as there:
-        table = {"robots": 1, "bus": {"mode": "client", "connect": [there.endpoint]}}
+        table = {"robots": 1, "separation": {"enabled": False}, "bus": {"mode": "client", "connect": [there.endpoint]}}
         file = folder / "lab.json"
         file.write_text(json.dumps(as_table(parse_scenario(table, "lab.json", name="lab"))))
         async with open_bus(there.settings(), *ALL_ROLES) as bus:

@@ -66,6 +66,14 @@ def test_tracking_is_the_distance_from_the_path_in_force() -> None:
     assert peak == 0.6
 
 
+def test_a_path_from_which_a_robot_is_diverted_counts_no_more_and_the_next_one_does() -> None:
+    first = Planned(0.0, Path(Pose2(0.0, -0.02, 0.0), (Segment(9.0, 0.0),)))
+    second = Planned(4.0, Path(Pose2(2.0, 0.01, 0.0), (Segment(9.0, 0.0),)))
+    drive = [row._replace(diverted=2.45 < row.t < 3.45) for row in track((0, 5, 0.0, 0.5, 0))]
+    errors, _ = score_tracking([first, second], drive)
+    assert errors == pytest.approx([0.02] * 15 + [0.01] * 10)  # health says so up to a second later
+
+
 def test_the_speed_on_an_arc_is_not_counted_as_one_on_a_straight() -> None:
     arc = Planned(0.0, Path(Pose2(0.0, 0.0, 0.0), (Segment(2.0, -0.01),)))
     errors, peak = score_tracking([arc], track((0, 1, 0.0, 0.5, 0)))

@@ -50,8 +50,8 @@ wheels that run away; robots with different settings of the same fleet file; mor
 by both of two robots in turns.
 """
 
-from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
+from muro_zenoh.safety.separation.body import Body, RobotSeen, SharedSnapshot
 from muro_zenoh.safety.separation.filter import Separated, Separation
 from muro_zenoh.safety.separation.settings import SeparationSettings
 
-__all__ = ["Body", "Row", "Separated", "Separation", "SeparationSettings", "SharedSnapshot"]
+__all__ = ["Body", "RobotSeen", "Separated", "Separation", "SeparationSettings", "SharedSnapshot"]

@@ -33,7 +33,7 @@ class Body(NamedTuple):
         return Body(radius, s_v * v_max, s_omega * omega_max, s_v * a_max, s_omega * alpha_max, s_v * brake, lag)
 
 
-class Row(Protocol):
+class RobotSeen(Protocol):
     """One robot of a snapshot: position and heading from the cameras, speeds from its agent [m, rad, s; world],
     ``age`` of the pose fix when the snapshot was sent [s], and ``state``."""
 
@@ -60,7 +60,7 @@ class SharedSnapshot(Protocol):
     ``epoch`` of its sender; ``age``, time since it was sent [s]."""
 
     @property
-    def robots(self) -> Sequence[Row]: ...
+    def robots(self) -> Sequence[RobotSeen]: ...
     @property
     def stamp(self) -> float: ...
     @property

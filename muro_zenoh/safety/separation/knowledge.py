@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from muro_zenoh.safety.separation.body import Body, Row, SharedSnapshot
+from muro_zenoh.safety.separation.body import Body, RobotSeen, SharedSnapshot
 from muro_zenoh.safety.separation.guidance import Near
 from muro_zenoh.safety.separation.line import LEAST_NEED, Line, Point, Stretch, line_between, nearest_on
 from muro_zenoh.safety.separation.path import stopping_distance
@@ -44,7 +44,9 @@ class _Received:
 
     __slots__ = ("epoch", "lines", "mine", "rows", "sent", "stamp")
 
-    def __init__(self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, Row]) -> None:
+    def __init__(
+        self, sent: float, stamp: float, epoch: int, mine: Stretch | None, rows: Mapping[str, RobotSeen]
+    ) -> None:
         self.sent, self.stamp, self.epoch, self.mine, self.rows = sent, stamp, epoch, mine, rows
         self.lines: dict[str, Line | None] = {}
 
@@ -85,17 +87,17 @@ class Knowledge:
         self._received: deque[_Received] = deque()
         self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
-        self._me: Row | None = None
+        self._me: RobotSeen | None = None
         own = body.radius + settings.margin
         self._mates = {
             other: _Mate(known, own + known.radius, LEAST_NEED / (2.0 * LEAST_NEED + known.v_max))
             for other, known in others.items()
         }
-        self._tracked: list[tuple[Row, _Mate]] = []
+        self._tracked: list[tuple[RobotSeen, _Mate]] = []
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, in the newest snapshot."""
-        self._seen: list[tuple[Row, float, float]] = []
+        self._seen: list[tuple[RobotSeen, float, float]] = []
         self._sent = -math.inf  # the newest snapshot
 
     def learn(self, now: float, snapshot: SharedSnapshot | None) -> str:
@@ -151,7 +153,7 @@ class Knowledge:
         self._me = me
         self._look(sent, rows)
 
-    def _look(self, sent: float, rows: Mapping[str, Row]) -> None:
+    def _look(self, sent: float, rows: Mapping[str, RobotSeen]) -> None:
         """Where the others are in the newest snapshot."""
         obstacles: list[Obstacle] = []
         self._sent, self._tracked, self._seen = sent, [], []
@@ -168,10 +170,10 @@ class Knowledge:
                 self._seen.append((row, keep, 0.0))
         self.obstacles = tuple(obstacles)
 
-    def _stretch(self, row: Row, body: Body) -> Stretch:
+    def _stretch(self, row: RobotSeen, body: Body) -> Stretch:
         return _stretch_of(row.x, row.y, row.theta, row.v, body, body.radius + self._half_margin)
 
-    def _obstacle(self, row: Row, body: Body, keep: float) -> Obstacle:
+    def _obstacle(self, row: RobotSeen, body: Body, keep: float) -> Obstacle:
         """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
         v = self._speeds.get(row.name, 0.0)
         far = v * self._settings.hold + stopping_distance(v, body)
@@ -213,7 +215,7 @@ class Knowledge:
         x: float,
         y: float,
         reach: float,
-        row: Row,
+        row: RobotSeen,
         mate: _Mate,
         comes: float,
         older: list[_Received],
