@@ -12,7 +12,7 @@ from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 from muro_zenoh.safety.separation import certificate as certificates
 from muro_zenoh.safety.separation import filter as filters
-from muro_zenoh.safety.separation.body import Row
+from muro_zenoh.safety.separation.body import RobotSeen
 from muro_zenoh.safety.separation.certificate import Certificate
 from muro_zenoh.safety.separation.knowledge import _TOGETHER, WALL, Knowledge, _Mate, _Received
 from muro_zenoh.safety.separation.line import Line
@@ -43,7 +43,7 @@ class Thorough(Knowledge):
         x: float,
         y: float,
         reach: float,
-        row: Row,
+        row: RobotSeen,
         mate: _Mate,
         comes: float,
         older: list[_Received],
