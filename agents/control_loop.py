@@ -110,7 +110,9 @@ class ControlLoop:
         """
         if self._ended:
             return []
-        if now - self._updated > _PAUSE:
+        if math.isfinite(self._updated) and now < self._updated:
+            self._forget()
+        elif now - self._updated > _PAUSE:
             self._paused = now - self._updated
         self._updated, self._around = now, around
         self.tracking.take(now, fixes, odometry)
@@ -191,6 +193,12 @@ class ControlLoop:
         out = self.want(now, hold("the agent is shutting down"))
         self._ended = True
         return out
+
+    def _forget(self) -> None:
+        """The clock was set back: nobody knows how old what is known is."""
+        self.tracking.forget()
+        self._estimate = None
+        self._intended = self._sent = self._calibrated = -math.inf
 
     # ---- from fix to state
 

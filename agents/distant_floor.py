@@ -33,7 +33,7 @@ class DistantFloor:
     def look(self) -> Look | None:
         """All robots now; None when the simulator is silent, for there is then no floor to be seen."""
         now, truth = self._clock.now(), self._truth.values()
-        poses = []
+        poses, twists = [], []
         for name in self._robots:
             received = truth.get(name)
             if received is None or not received.age(now) <= _OLDEST:
@@ -41,4 +41,5 @@ class DistantFloor:
             m = received.message
             # At most a period ago: what it accelerated meanwhile moves it by less than a millimetre.
             poses.append(advance(Pose2(m.x, m.y, m.theta), m.v, m.omega, now - m.stamp))
-        return Look(now, 0.0, np.array(poses))
+            twists.append((m.v, m.omega))
+        return Look(now, 0.0, np.array(poses), np.array(twists))

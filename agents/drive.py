@@ -70,13 +70,7 @@ class Drive:
         """
         # The wheels do scale times what they are commanded: so are the limits of what this robot does.
         s_v, s_omega, body = estimate.s_v, estimate.s_omega, self._body
-        body = body._replace(
-            v_max=s_v * body.v_max,
-            a_max=s_v * body.a_max,
-            brake=s_v * body.brake,
-            omega_max=s_omega * body.omega_max,
-            alpha_max=s_omega * body.alpha_max,
-        )
+        body = body.scaled(s_v, s_omega)
         if desired is not None:
             desired = limit(desired, v_max=body.v_max, omega_max=body.omega_max)
         twist = desired

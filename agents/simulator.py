@@ -17,6 +17,7 @@ from agents.simulated_camera import Scene, SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
+from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
@@ -39,6 +40,7 @@ class Room:
 
     Raises:
         PlanningError: the robots do not fit into the arena.
+        ConfigError: points that do not determine a camera, or a lens that no camera has.
     """
 
     def __init__(
@@ -115,6 +117,7 @@ class Room:
         for name, camera in self.cameras.items():
             numbers[f"frames_captured_{name}"] = camera.captured
             numbers[f"frames_skipped_{name}"] = camera.skipped
+            numbers[f"frames_lost_{name}"] = camera.lost
         return numbers | self._clock.numbers() | self._bus.numbers()
 
 
@@ -130,10 +133,15 @@ def make_camera(
         scene: what it sees.
         seed: the simulator's.
         executor: renders its pictures.
+
+    Raises:
+        ConfigError: points that do not determine a camera, or a lens that no camera has.
     """
     index = list(scenario.camera).index(name)
     frames = bus.publisher(channels.CAMERA, name)
-    return SimulatedCamera(frames, scenario.camera[name], scenario, scene, seed + index, executor)
+    settings = scenario.camera[name]
+    model = camera_model(name, settings, scenario.arena)
+    return SimulatedCamera(frames, settings, model, scenario, scene, seed + index, executor)
 
 
 async def run_simulator(scenario: Scenario, seed: int, *, cameras: bool = True) -> None:
@@ -156,6 +164,29 @@ async def run_simulator(scenario: Scenario, seed: int, *, cameras: bool = True) 
             await room.run()
 
 
+async def film(bus: Bus, scenario: Scenario, name: str, seed: int, executor: Executor) -> None:
+    """Film what a simulator in another process says, and report the camera's health.
+
+    Args:
+        bus: the bus.
+        scenario: the settings.
+        name: the camera's name.
+        seed: the simulator's.
+        executor: renders its pictures.
+    """
+    floor = DistantFloor(bus, scenario.robots)
+    camera = make_camera(bus, scenario, name, floor, seed, executor)
+    health = bus.publisher(channels.HEALTH, name)
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(camera.run(), name=f"camera {name}")
+        while True:
+            reasons = () if floor.look() is not None else ("nothing to be seen: no truth of every robot arrives",)
+            state = "waiting" if reasons else "filming"
+            numbers = {"frames": float(camera.captured), **bus.numbers()}
+            health.put(Health(role=Role.CAMERA, state=state, reasons=reasons, numbers=numbers))
+            await asyncio.sleep(channels.HEALTH.period)
+
+
 async def run_camera(scenario: Scenario, name: str, seed: int) -> None:
     """The process of one simulated camera, beside a simulator without cameras.
 
@@ -172,7 +203,6 @@ async def run_camera(scenario: Scenario, name: str, seed: int) -> None:
         raise ConfigError(f"camera {name}", got=repr(name), expected=f"one of {', '.join(scenario.camera) or 'none'}")
     async with open_bus(scenario.bus, Role.CAMERA) as bus:
         with worker_threads(1, "camera") as threads:
-            camera = make_camera(bus, scenario, name, DistantFloor(bus, scenario.robots), seed, threads)
             bus.announce(Role.CAMERA, name)
             ready("camera", name)
-            await camera.run()
+            await film(bus, scenario, name, seed, threads)

@@ -33,13 +33,16 @@ class Tracking:
     """
 
     def __init__(self, robot: RobotSettings, command_timeout: float) -> None:
-        settings = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=command_timeout)
-        self.filter = PoseFilter(settings, robot.wheels)
+        self._settings = FilterSettings(odometry_timeout=channels.ODOMETRY.stale_after, command_timeout=command_timeout)
+        self.filter = PoseFilter(self._settings, robot.wheels)
         self.fixes = 0
         self.refused: Counter[str] = Counter()
         self.pose_ages: list[float] = []
-        self._history = settings.history
         self._robot = robot
+
+    def forget(self) -> None:
+        """Begin anew, with an empty filter."""
+        self.filter = PoseFilter(self._settings, self._robot.wheels)
 
     def take(
         self, now: float, fixes: Iterable[tuple[float, PoseFix]], odometry: Iterable[tuple[float, float, float]]
@@ -60,7 +63,7 @@ class Tracking:
             self._fix(now, captured, fix)
 
     def _fix(self, now: float, captured: float, fix: PoseFix) -> None:
-        if not now - self._history <= captured <= now:
+        if not now - self._settings.history <= captured <= now:
             self.refused["fix untimely"] += 1
             return
         result = self.filter.fix(captured, fix.x, fix.y, fix.theta, fix.covariance)
@@ -75,7 +78,7 @@ class Tracking:
     def _is_possible(self, now: float, t: float, v: float, omega: float) -> bool:
         """Whether odometry has a recent time and speeds that these wheels could have."""
         return (
-            now - self._history <= t <= now
+            now - self._settings.history <= t <= now
             and abs(v) <= _FASTEST * self._robot.v_max
             and abs(omega) <= _FASTEST * self._robot.omega_max
         )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
+from basestation.localization.of_scenario import make_fusion
 from basestation.localization.sightings import SightingSource
 from basestation.tasks.bases import BasesTask
 from basestation.tasks.health import HealthTask
@@ -42,7 +43,7 @@ class Station:
         self.store = StateStore(scenario, state)
         self._bus = bus
         self._sources = sources
-        self._positions = PositionsTask(bus, scenario.robots, scenario.timeouts.pose)
+        self._positions = PositionsTask(bus, scenario.robots, make_fusion(scenario), scenario.timeouts.pose)
         leases = Leases(self.store.state.leases, bus.clock.now(), self.store.keep_leases)
         self._kept = KeptStateTask(bus, self.store, leases)
         self._orders = OrdersTask(bus, self.store, self._kept, leases, self._positions)

@@ -7,6 +7,7 @@
     │   ├── ConfigError           invalid settings
     │   └── ParameterError        an invalid parameter of a law or a behaviour, alone or with the others
     ├── MessageError              bytes from the network that are not the message expected on their key
+    ├── CameraError               a camera or a recording gives no pictures
     ├── TransportError            an operation of the bus failed
     │   ├── NotConnected          no router answered at the given endpoints
     │   └── NoReply               no answer to an order within the timeout
@@ -53,6 +54,10 @@ class ParameterError(WrongValueError, ValueError):
 
 class MessageError(MuroError):
     """Bytes from the network that are not the message expected on their key. The bus counts and drops them."""
+
+
+class CameraError(MuroError):
+    """A camera or a recording gives no pictures."""
 
 
 class TransportError(MuroError):

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
-from muro_zenoh.quantities import Coordinate, Count, Length, Quantity, check_quantities
+from muro_zenoh.quantities import Coordinate, Count, Height, Length, Quantity, check_quantities
 
 TWO_PI = 2.0 * math.pi
 
@@ -197,6 +197,7 @@ class TagMount:
         x: the tag's centre, forwards of the axle [m].
         y: the tag's centre, to the left of the axle's middle [m].
         yaw: from the base's x to the tag's x, counter-clockwise [rad].
+        z: of the tag above the floor [m].
 
     Raises:
         ParameterError: a number outside its limits.
@@ -207,6 +208,7 @@ class TagMount:
     x: Coordinate = 0.0
     y: Coordinate = 0.0
     yaw: Annotated[float, Quantity("rad")] = 0.0
+    z: Height = 0.0
 
     def __post_init__(self) -> None:
         check_quantities(self)
@@ -227,26 +229,3 @@ class View(NamedTuple):
     v: float
     x: float
     y: float
-
-
-def straight_down_view(bounds: Bounds, width: int, height: int, margin: float = 0.0) -> tuple[View, View, View, View]:
-    """Four points of a camera that looks straight down and sees a whole rectangle with square pixels.
-
-    Args:
-        bounds: the rectangle.
-        width: of the picture [px].
-        height: of the picture [px].
-        margin: minimum visible margin beyond each edge [m].
-
-    Returns:
-        The rectangle's corners, from the lower left one counter-clockwise. World y is up, the picture's v down.
-    """
-    seen = bounds.shrunk(-margin)
-    metres_per_pixel = max(seen.width / width, seen.height / height)
-    x_mid, y_mid = 0.5 * (bounds.x_min + bounds.x_max), 0.5 * (bounds.y_min + bounds.y_max)
-    u_mid, v_mid = 0.5 * (width - 1), 0.5 * (height - 1)
-    first, second, third, fourth = (
-        View(u_mid + (x - x_mid) / metres_per_pixel, v_mid - (y - y_mid) / metres_per_pixel, x, y)
-        for x, y in bounds.corners
-    )
-    return first, second, third, fourth

@@ -61,7 +61,7 @@ class Base:
             received: the received command.
             now: the time, for its age [s].
         """
-        self._now = now
+        self._note_time(now)
         age = received.age(now)
         if not age <= self._dead_man:  # written so that a NaN is refused too
             return  # stale: part of a backlog
@@ -85,6 +85,12 @@ class Base:
             self._dead = False
             log.info("%s: receiving commands", self._name)
         self._turn(command.v, command.omega)
+
+    def _note_time(self, now: float) -> None:
+        """When the clock was set back, nobody knows how old the last command is: it has expired."""
+        if now < self._now:
+            self._expires = self._contested = -math.inf
+        self._now = now
 
     def _turn(self, v: float, omega: float) -> None:
         self._wheels.command(v, omega)
@@ -130,7 +136,7 @@ class Base:
             now: the time [s].
         """
         self._reading = self._wheels.read()
-        self._now = now
+        self._note_time(now)
         if self._obedience is not None:
             self._obedience.read(self._reading.v, self._reading.omega, now)
         # Written so that an invalid time stops the wheels too.

@@ -26,11 +26,12 @@ _MAX_CATCH_UP = 0.5
 
 class Look(NamedTuple):
     """All robots at one moment: ``stamp`` [s since 1970], how long ago that is (``behind`` [s]), and their true
-    ``poses``: (N, 3), x, y [m, world], theta [rad]."""
+    ``poses``: (N, 3), x, y [m, world], theta [rad], with the ``twists`` (N, 2), v [m/s], omega [rad/s]."""
 
     stamp: float
     behind: float
     poses: Array
+    twists: Array
 
 
 class Floor:
@@ -90,7 +91,7 @@ class Floor:
 
     def look(self) -> Look:
         """All robots now."""
-        return Look(self.catch_up(), self.behind, self._plant.pose.copy())
+        return Look(self.catch_up(), self.behind, self._plant.pose.copy(), self._plant.twist)
 
     def command(self, row: int, v: float, omega: float) -> None:
         """Turn a robot's wheels from now on.

@@ -104,11 +104,13 @@ def _path(speeds: deque[tuple[float, float, float]], start: Pose2, begin: float,
     now = begin
     if not speeds or speeds[0][0] > begin + _GAP or speeds[-1][0] < end - _GAP:
         return None
-    for k, (when, v, omega) in enumerate(speeds):
-        until = speeds[k + 1][0] if k + 1 < len(speeds) else end
+    nexts = iter(speeds)
+    next(nexts)
+    for when, v, omega in speeds:
+        until = next(nexts, (end,))[0]
         if until - when > 2.0 * _GAP:
             return None
-        step = min(until, end) - now
+        step = (until if until < end else end) - now
         if step <= 0.0:
             continue
         middle = theta + 0.5 * omega * step

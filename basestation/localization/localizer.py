@@ -15,8 +15,9 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from basestation.localization.homography import Homography
-from basestation.localization.markers import Marker, Picture, TagDetector
+from basestation.localization.detector import TagDetector
+from basestation.localization.floor_map import FloorMap
+from basestation.localization.markers import Marker, Picture
 from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
 from muro_zenoh.geometry import Pose2, TagMount
@@ -24,6 +25,8 @@ from muro_zenoh.geometry import Pose2, TagMount
 Array = NDArray[np.float64]
 
 _SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag of side 1, as printed, clockwise
+_AROUND = np.array(((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)))  # [px]
+_EDGE = 0.15  # width of the picture's edge, in its shorter side
 _COAST = 4  # pictures for which a hidden tag is assumed to keep moving
 _SIZE_OFF = 0.3  # relative size error above which a print is not the tag (blur and ink cause 0.05)
 _SHAPE_OFF = 0.15  # maximum root mean square error of the corners from a square, in sides
@@ -65,10 +68,9 @@ class Localizer:
 
     Args:
         camera: its name.
-        homography: from its pixels to metres.
+        floor: from its pixels to metres.
         detector: for the robots' family of tags.
         tags: from a tag's number to the robot's name and the tag's mounting pose.
-        size: width and height for which the homography is valid [px]; None accepts any.
         corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures with tags of
             37 pixels: 0.15 matches the headings, and is conservative by a factor of 2 for the positions.
         sweep_every: pictures from one whole search to the next.
@@ -79,25 +81,24 @@ class Localizer:
     def __init__(
         self,
         camera: str,
-        homography: Homography,
+        floor: FloorMap,
         detector: TagDetector,
         tags: Mapping[int, tuple[str, TagMount]],
         *,
-        size: tuple[int, int] | None = None,
         corner_noise: float = 0.15,
         sweep_every: int = 10,
         search_every: int = 3,
         remember: int = 40,
     ) -> None:
         self.camera = camera
-        self.homography = homography
+        self.floor = floor
         self.detector = detector
         self.tags = dict(tags)
+        self._to_base = {tag: mount.pose.inverse() for tag, (_, mount) in self.tags.items()}
         self.unknown_tags: frozenset[int] = frozenset()
         self.duplicate_tags: frozenset[int] = frozenset()
         self.misfit_tags: dict[int, float] = {}
         self.swept = False
-        self._size = size
         self._corner_noise = corner_noise
         self._sweep_every = sweep_every
         self._search_every = search_every
@@ -112,11 +113,12 @@ class Localizer:
             image: (height, width), grey; the next picture of this camera.
 
         Raises:
-            MessageError: a picture of another size than that of the homography.
+            MessageError: a picture of another size than the camera's.
         """
         height, width = image.shape
-        if self._size is not None and (width, height) != self._size:
-            expected = f"{self._size[0]} x {self._size[1]}, which camera {self.camera} is calibrated for"
+        model = self.floor.camera
+        if (width, height) != (model.width, model.height):
+            expected = f"{model.width} x {model.height}, which camera {self.camera} is calibrated for"
             raise MessageError(f"a picture of {width} x {height} pixels, expected {expected}")
         found = self._sightings([marker for marker in self._search(image) if marker.id in self.tags])
         self._follow([marker for marker, _ in found])
@@ -125,6 +127,18 @@ class Localizer:
         single = [(marker.id, sighting) for marker, sighting in found if counts[marker.id] == 1]
         return [sighting for _, sighting in sorted(single, key=itemgetter(0))]
 
+    @property
+    def complaints(self) -> tuple[str, ...]:
+        """What is wrong with the tags in the newest pictures, for the operator."""
+        sees = f"camera {self.camera} sees tag"
+        unknown = [f"{sees} {tag}, which no robot has" for tag in sorted(self.unknown_tags)]
+        duplicate = [f"{sees} {tag} twice" for tag in sorted(self.duplicate_tags)]
+        misfit = [
+            f"{sees} {tag} with a side of {size:.3f} m: check its tag_size"
+            for tag, size in sorted(self.misfit_tags.items())
+        ]
+        return (*unknown, *duplicate, *misfit)
+
     def _search(self, image: Picture) -> list[Marker]:
         missing = not self._tracks or any(track.missed > 0 for track in self._tracks)
         self._since_sweep += 1
@@ -132,26 +146,28 @@ class Localizer:
         if not self.swept:
             return self.detector.detect_near(image, [track.expected() for track in self._tracks])
         self._since_sweep = 0
-        markers = self.detector.detect(image)
+        markers = self.detector.detect(image, wanted=len(self.tags))
         self.unknown_tags = frozenset(marker.id for marker in markers) - self.tags.keys()
         return markers
 
     def _follow(self, markers: list[Marker]) -> None:
         """Assign markers to tracks, nearest first; the others start new tracks."""
-        left = list(self._tracks)
+        left: dict[int, list[_Track]] = {}
+        for track in self._tracks:
+            left.setdefault(track.marker.id, []).append(track)
         tracks: list[_Track] = []
         for marker in markers:
-            same = [track for track in left if track.marker.id == marker.id]
+            same = left.get(marker.id)
             step = (0.0, 0.0)
             if same:
                 u, v = marker.centre
                 nearest = min(same, key=lambda track: math.dist(track.marker.centre, (u, v)))
-                left.remove(nearest)
+                same.remove(nearest)
                 before = nearest.marker.centre
                 if nearest.missed == 0 and math.dist(before, (u, v)) < marker.side:
                     step = (u - before[0], v - before[1])
             tracks.append(_Track(marker, step))
-        tracks += [track.unseen() for track in left if track.missed < self._remember]
+        tracks += [track.unseen() for row in left.values() for track in row if track.missed < self._remember]
         self._tracks = tracks
 
     def _sightings(self, markers: list[Marker]) -> list[tuple[Marker, Sighting]]:
@@ -160,18 +176,27 @@ class Localizer:
         if not markers:
             return []
         corners = np.stack([marker.corners for marker in markers])
-        slopes = self.homography.jacobian(corners.mean(axis=1)).tolist()
-        poses, sides, misfits = fit_squares(self.homography.to_metres(corners))
+        # The corners, and four points around the centre for the slope, in one go: it is a third of the time.
+        points = np.concatenate((corners, corners.mean(axis=1, keepdims=True) + _AROUND), axis=1)
+        heights = np.array([[self.tags[marker.id][1].z] for marker in markers])
+        metres = self.floor.to_metres(points, heights.repeat(8, axis=1))
+        right, left, below, above = np.moveaxis(metres[:, 4:], 1, 0)
+        slopes = np.stack((right - left, below - above), axis=-1).tolist()
+        poses, sides, misfits = fit_squares(metres[:, :4])
+        edge = _EDGE * min(self.floor.camera.width, self.floor.camera.height)
+        insides = (self.floor.margin(corners).min(axis=1) / edge).clip(0.0, 1.0).tolist()
         sightings = []
-        for marker, slope, pose, side, misfit in zip(markers, slopes, poses, sides, misfits, strict=True):
+        for marker, slope, pose, side, misfit, inside in zip(
+            markers, slopes, poses, sides, misfits, insides, strict=True
+        ):
             name, mount = self.tags[marker.id]
             # Also false for NaN: a tag on the horizon.
             if not (abs(side / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * side):
                 self.misfit_tags[marker.id] = side
                 continue
-            base = pose.compose(mount.pose.inverse())
+            base = pose.compose(self._to_base[marker.id])
             covariance = _covariance(slope, self._corner_noise, mount, base.theta)
-            sightings.append((marker, Sighting(name, base, covariance)))
+            sightings.append((marker, Sighting(name, base, covariance, inside)))
         return sightings
 
 

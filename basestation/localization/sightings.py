@@ -23,11 +23,13 @@ class Sighting:
         name: of the robot.
         pose: of the base frame (origin: the middle of the axle) in the world [m, rad].
         covariance: nine floats, row-major, of x [m], y [m], theta [rad].
+        inside: how far inside the picture the tag is: from 0 at the edge to 1 anywhere but near it.
     """
 
     name: str
     pose: Pose2
     covariance: tuple[float, ...]
+    inside: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -72,6 +72,7 @@ class HealthTask:
                 "frames": float(positions.frames),
                 "bad_frames": float(positions.bad_frames),
                 "stale_frames": float(positions.stale_frames),
+                "disbelieved": float(positions.disbelieved),
                 **self._bus.numbers(),
             }
             state = _RUNNING if self._kept.adopted else "starting"
@@ -90,6 +91,7 @@ class HealthTask:
         reasons += self._missing_sightings(now)
         for complaints in self._positions.complaints.values():
             reasons += complaints
+        reasons += self._positions.unbelieved()
         reasons += self._positions.doubts.values()
         reasons += self._bases.reasons.values()
         return tuple(reasons)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable
+from dataclasses import replace
 
 from basestation.fleet.table import STALE_AFTER, FleetTable, Motion
+from basestation.localization.fusion import Fusion
 from basestation.localization.sightings import Sightings, SightingSource
 from muro_zenoh import channels
 from muro_zenoh.messages import FleetSnapshot, PoseFix
 from muro_zenoh.transport import Bus
+
+_DOUBTED = 2.0
+"""What is seen and not believed is reported for this time [s]."""
 
 _LONGEST_PERIOD = 0.2
 """All positions are published after each frame, and at least with this period [s]."""
@@ -21,6 +26,7 @@ class PositionsTask:
     Args:
         bus: the bus.
         robots: the names of the robots.
+        fusion: makes fixes of what the cameras see.
         stale_after: a robot not seen for longer than this is ``stale`` [s].
 
     Attributes:
@@ -33,7 +39,7 @@ class PositionsTask:
         doubted: set when another robot is doubted, for the health report.
     """
 
-    def __init__(self, bus: Bus, robots: Iterable[str], stale_after: float = STALE_AFTER) -> None:
+    def __init__(self, bus: Bus, robots: Iterable[str], fusion: Fusion, stale_after: float = STALE_AFTER) -> None:
         self.frames = 0
         self.bad_frames = 0
         self.stale_frames = 0
@@ -43,6 +49,7 @@ class PositionsTask:
         self.doubted = asyncio.Event()
         self._clock = bus.clock
         self._table = FleetTable(stale_after)
+        self._fusion = fusion
         self._poses = {name: bus.publisher(channels.POSE, name) for name in robots}
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
         self._estimates = bus.latest(channels.ESTIMATE, "*")
@@ -74,6 +81,17 @@ class PositionsTask:
         """
         return self._table.knows(name)
 
+    @property
+    def disbelieved(self) -> int:
+        """Number of sightings that were not believed."""
+        return self._fusion.disbelieved
+
+    def unbelieved(self) -> list[str]:
+        """What was seen lately and not believed, and the cameras that were moved."""
+        now = self._clock.now()
+        lately = [text for text, captured in self._fusion.doubts.values() if now - captured < _DOUBTED]
+        return [*self._fusion.moved.values(), *lately]
+
     def clear(self, name: str) -> bool:
         """Forget a robot's last position.
 
@@ -84,6 +102,7 @@ class PositionsTask:
             Whether it had been seen.
         """
         self._estimates.forget(name)
+        self._fusion.forget(name)
         return self._table.clear(name)
 
     def _take(self, sightings: Sightings) -> None:
@@ -98,7 +117,7 @@ class PositionsTask:
             return
         # A fix captured in the future would keep valid ones out until then.
         captured = min(sightings.captured, self._clock.now())
-        for robot in sightings.robots:
+        for robot in self._fusion.take(replace(sightings, captured=captured), self._clock.now()):
             now = self._clock.now()
             x, y, theta = robot.pose
             self._poses[robot.name].put(
@@ -109,7 +128,7 @@ class PositionsTask:
                     y=y,
                     theta=theta,
                     covariance=robot.covariance,
-                    camera=sightings.camera,
+                    camera="+".join(robot.cameras),
                 )
             )
             self._table.fix(robot.name, robot.pose, captured)

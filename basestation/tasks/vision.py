@@ -10,13 +10,12 @@ from functools import partial
 from typing import NamedTuple
 
 from basestation.localization.frames import decode_frame
-from basestation.localization.homography import Homography
 from basestation.localization.localizer import Localizer
-from basestation.localization.markers import TagDetector
+from basestation.localization.of_scenario import make_localizer
 from basestation.localization.sightings import Sighting, Sightings, SightingSource
 from muro_zenoh import channels
-from muro_zenoh.config import CameraSettings, Scenario
-from muro_zenoh.errors import ConfigError, MessageError
+from muro_zenoh.config import Scenario
+from muro_zenoh.errors import MessageError
 from muro_zenoh.messages import Frame
 from muro_zenoh.transport import Bus, Received
 
@@ -56,10 +55,9 @@ class CameraOnBus:
 
     async def _look(self, frame: Received[Frame]) -> Sightings:
         captured = frame.captured(self._latency)
-        age = frame.age(self._bus.clock.now())
-        if age > channels.CAMERA.stale_after:  # the robots have moved since
-            late = f"camera {self._name}: frames arrive {age:.1f} s late"
-            return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
+        late = self._late(frame, captured)
+        if late is not None:
+            return late
         loop = asyncio.get_running_loop()
         try:
             found = await loop.run_in_executor(self._executor, self._locate, frame.message)
@@ -70,7 +68,19 @@ class CameraOnBus:
             bad = f"camera {self._name}: {error}"
             return Sightings(camera=self._name, captured=captured, frame="bad", complaints=(bad,))
         self._failing = False
+        # This process may have been suspended while it searched the frame.
+        late = self._late(frame, captured)
+        if late is not None:
+            return late
         return Sightings(camera=self._name, captured=captured, robots=found.robots, complaints=found.complaints)
+
+    def _late(self, frame: Received[Frame], captured: float) -> Sightings | None:
+        """Nothing seen, and why, when a frame is too old by now: the robots have moved since."""
+        age = frame.age(self._bus.clock.now())
+        if age <= channels.CAMERA.stale_after:
+            return None
+        late = f"camera {self._name}: frames arrive {age:.1f} s late"
+        return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
 
     def _locate(self, frame: Frame) -> Found:
         """In the executor."""
@@ -90,18 +100,7 @@ class Found(NamedTuple):
 
 def _locate_tags(localizer: Localizer, frame: Frame) -> Found:
     robots = localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
-    return Found(tuple(robots), _tag_complaints(localizer))
-
-
-def _tag_complaints(localizer: Localizer) -> tuple[str, ...]:
-    sees = f"camera {localizer.camera} sees tag"
-    unknown = [f"{sees} {tag}, which no robot has" for tag in sorted(localizer.unknown_tags)]
-    duplicate = [f"{sees} {tag} twice" for tag in sorted(localizer.duplicate_tags)]
-    misfit = [
-        f"{sees} {tag} with a side of {size:.3f} m: check its tag_size"
-        for tag, size in sorted(localizer.misfit_tags.items())
-    ]
-    return (*unknown, *duplicate, *misfit)
+    return Found(tuple(robots), localizer.complaints)
 
 
 def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[SightingSource]:
@@ -116,22 +115,6 @@ def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[Sig
         ConfigError: a camera's points do not determine a homography, or its family of tags is unknown.
     """
     return [
-        CameraOnBus(bus, name, partial(_locate_tags, _localizer(name, camera, scenario)), camera.latency, executor)
+        CameraOnBus(bus, name, partial(_locate_tags, make_localizer(scenario, name)), camera.latency, executor)
         for name, camera in scenario.camera.items()
     ]
-
-
-def _localizer(name: str, camera: CameraSettings, scenario: Scenario) -> Localizer:
-    tags = {robot.tag: (key, robot.mount) for key, robot in scenario.robot.items() if robot.tag is not None}
-    try:
-        detector = TagDetector(camera.family)
-    except ValueError as error:
-        raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
-    return Localizer(
-        name,
-        Homography.fit(camera.views(scenario.arena), camera=name),
-        detector,
-        tags,
-        size=(camera.width, camera.height),
-        corner_noise=camera.sigma_pixels,
-    )

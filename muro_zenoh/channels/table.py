@@ -173,7 +173,12 @@ BASE = Channel(
 HEALTH = Channel(
     word="health",
     kind=m.Health,
-    writers=(Party(Role.AGENT, "health"), Party(Role.BASESTATION, "health"), Party(Role.SIMULATOR, "health")),
+    writers=(
+        Party(Role.AGENT, "health"),
+        Party(Role.BASESTATION, "health"),
+        Party(Role.SIMULATOR, "health"),
+        Party(Role.CAMERA, "health"),
+    ),
     readers=(KEPT, OPERATOR),
     delivery="kept",
     rate=1.0,

@@ -8,12 +8,15 @@ from muro_zenoh import __version__
 from muro_zenoh.cli.group import MuroGroup
 from muro_zenoh.cli.options import example
 
+PROCESSES = ("agent", "base", "basestation", "camera", "sim", "router")
 COMMANDS = {
     "run": "muro_zenoh.cli.run:run",
-    **{name: f"muro_zenoh.cli.processes:{name}" for name in ("agent", "base", "basestation", "sim", "router")},
+    **{name: f"muro_zenoh.cli.processes:{name}" for name in PROCESSES},
     **{name: f"muro_zenoh.cli.orders:{name}" for name in ("stop", "resume", "goal", "clear")},
     "set": "muro_zenoh.cli.orders:set_group",
     "topic": "muro_zenoh.cli.topic:topic",
+    "localize": "muro_zenoh.cli.localize:localize",
+    "calibrate": "muro_zenoh.cli.calibrate:calibrate",
     "check": "muro_zenoh.cli.check:check",
     "figures": "muro_zenoh.cli.figures:figures",
 }

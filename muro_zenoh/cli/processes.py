@@ -1,4 +1,4 @@
-"""``muro agent``, ``base``, ``basestation``, ``sim``, ``router``: one process each, as ``muro run`` starts them."""
+"""``muro agent``, ``base``, ``basestation``, ``camera``, ``sim``, ``router``: one process each."""
 
 from __future__ import annotations
 
@@ -73,6 +73,39 @@ def basestation(file: str, state: Path, bus: BusFlags) -> None:
     from basestation.station import run_basestation
 
     _run(lambda: run_basestation(scenario, state), "basestation")
+
+
+@click.command(
+    epilog=example(
+        "muro camera lab.toml north --device 0",
+        "muro camera lab.toml north --device /dev/video2 --quality 70 --connect tcp/192.168.1.10:7447",
+        "muro camera lab.toml north --recording monday.mp4",
+    )
+)
+@click.argument("file")
+@click.argument("name")
+@click.option("--device", metavar="NUMBER|PATH", help="A camera of this machine; 0 by default.")
+@click.option(
+    "--recording", metavar="PATH", type=click.Path(path_type=Path), help="A video or a directory of images instead."
+)
+@click.option(
+    "--quality",
+    type=click.IntRange(0, 100),
+    default=85,
+    show_default=True,
+    help="Of the JPEG: 85 costs no accuracy, less costs less network; 0 for raw frames.",
+)
+@bus_options
+def camera(file: str, name: str, device: str | None, recording: Path | None, quality: int, bus: BusFlags) -> None:
+    """Publish the pictures of camera NAME of a fleet or scenario FILE."""
+    if device is not None and recording is not None:
+        raise click.UsageError("got --device and --recording, expected one of them")
+    scenario = _scenario(file, bus)
+    from basestation.filming import run_camera
+    from basestation.sources.opening import opener
+
+    source = opener(scenario, name, device, recording)
+    _run(lambda: run_camera(scenario, name, source, quality), f"camera_{name}")
 
 
 @click.command(epilog=example("muro sim pursuit --seed 3"))

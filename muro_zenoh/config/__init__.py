@@ -15,6 +15,7 @@ from muro_zenoh.config.schema import Section
 from muro_zenoh.config.sections import (
     BehaviourSettings,
     BusSettings,
+    CalibrationSettings,
     CameraSettings,
     ClockSettings,
     RobotSettings,
@@ -28,6 +29,7 @@ __all__ = [
     "TIMEOUTS",
     "BehaviourSettings",
     "BusSettings",
+    "CalibrationSettings",
     "CameraSettings",
     "Checks",
     "ClockSettings",

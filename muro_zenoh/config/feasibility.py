@@ -9,7 +9,7 @@ from typing import Final
 from muro_zenoh.config.behaviour import check_settings
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.reading import config_error
-from muro_zenoh.config.sections import Scenario
+from muro_zenoh.config.sections import HUNG, CameraSettings, Scenario
 from muro_zenoh.errors import ConfigError, ParameterError
 from muro_zenoh.planning.destination import require_inside
 
@@ -33,14 +33,7 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     _check_tags(s, origin)
     _check_timeouts(s, origin)
     for name, camera in s.camera.items():
-        if (camera.pixels is None) != (camera.metres is None):
-            raise ConfigError(origin.at(f"camera.{name}"), got="pixels or metres alone", expected="both, or neither")
-        if camera.pixels is not None and camera.metres is not None and len(camera.pixels) != len(camera.metres):
-            raise ConfigError(
-                origin.at(f"camera.{name}.metres"),
-                got=f"{len(camera.metres)} points",
-                expected=f"as many as pixels has: {len(camera.pixels)}",
-            )
+        _check_camera(f"camera.{name}", camera, origin)
     _check_separation(s, origin)
     fleet = [s.vehicle(name) for name in s.robot]
     check_settings(s.behaviour.name, s.behaviour.parameters, origin, fleet, s.circle)
@@ -60,6 +53,34 @@ def _check_timeouts(s: Scenario, origin: Origin) -> None:
                 expected=f"at least {least:.3g}: the frames of camera {name} are {camera.latency:g} s old, "
                 f"{1.0 / camera.rate:.3g} s apart, and one may be lost",
             )
+
+
+def _check_camera(key: str, camera: CameraSettings, origin: Origin) -> None:
+    if (camera.pixels is None) != (camera.metres is None):
+        raise ConfigError(origin.at(key), got="pixels or metres alone", expected="both, or neither")
+    if camera.pixels is not None and camera.metres is not None and len(camera.pixels) != len(camera.metres):
+        raise ConfigError(
+            origin.at(f"{key}.metres"),
+            got=f"{len(camera.metres)} points",
+            expected=f"as many as pixels has: {len(camera.pixels)}",
+        )
+    hung = [name for name in HUNG if getattr(camera, name) is not None]
+    given = [name for name in ("pixels", "calibration") if getattr(camera, name) is not None] + hung
+    if len(given) > max(len(hung), 1):
+        raise ConfigError(
+            origin.at(key),
+            got=" and ".join(given),
+            expected=f"where the camera is in one way: pixels and metres, calibration, or {', '.join(HUNG)}",
+        )
+    size = (camera.width, camera.height)
+    c = camera.calibration
+    if c is not None and (c.width, c.height) != size:
+        raise ConfigError(
+            origin.at(f"{key}.calibration"),
+            got=f"a calibration for {c.width} x {c.height} pixels",
+            expected=f"one for the camera's frames of {size[0]} x {size[1]}",
+            hint="Calibrate with the resolution that the camera runs with",
+        )
 
 
 def _check_tags(s: Scenario, origin: Origin) -> None:

@@ -37,6 +37,7 @@ def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]
     elif named is not None:
         fleet_path = path.parent / read_value(str, named, origin, "fleet")
     else:
+        _read_calibrations(table, path.parent, origin)
         return table, origin
     lab = _parse(fleet_path)
     fleet_origin = Origin(fleet_path.name)
@@ -51,7 +52,18 @@ def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]
             merged[key] = {**theirs, **ours}
             for inner in theirs.keys() - ours.keys():
                 origin.note(f"{key}.{inner}", f"{fleet_path.name}: ")
+    _read_calibrations(merged, (path if "camera" in table else fleet_path).parent, origin)
     return merged, origin
+
+
+def _read_calibrations(table: dict[str, Any], folder: Path, origin: Origin) -> None:
+    """Replace the names of calibration files by what is in them."""
+    cameras = table.get("camera")
+    for name, camera in cameras.items() if isinstance(cameras, dict) else ():
+        given = camera.get("calibration") if isinstance(camera, dict) else None
+        if isinstance(given, str):
+            camera["calibration"] = _parse(folder / given)
+            origin.note(f"camera.{name}.calibration", f"{Path(given).name}: ")
 
 
 def _parse(path: Path) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from muro_zenoh.config.sections import (
     CIRCLE,
     BehaviourSettings,
     BusSettings,
+    CalibrationSettings,
     CameraSettings,
     ClockSettings,
     GoalRow,
@@ -110,7 +111,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         key: read_section(type(default), table.get(key, {}), origin, key, default) for key, default in _SECTIONS.items()
     }
     cameras = {
-        _name(key, origin, f"camera.{key}"): read_section(CameraSettings, value, origin, f"camera.{key}")
+        _name(key, origin, f"camera.{key}"): _camera(value, origin, f"camera.{key}")
         for key, value in _table(table, "camera", origin).items()
     }
     robot = _robots(table, origin, robots)
@@ -161,6 +162,13 @@ def _rows(kind: type[T], table: Mapping[str, Any], key: str, origin: Origin) -> 
 def _name(name: str, origin: Origin, path: str) -> str:
     read_value(Name, name, origin, path)
     return name
+
+
+def _camera(value: object, origin: Origin, path: str) -> CameraSettings:
+    table = read_table(value, origin, path)
+    if "calibration" in table:  # so that an error in it is reported with its key
+        read_section(CalibrationSettings, table["calibration"], origin, f"{path}.calibration")
+    return read_section(CameraSettings, table, origin, path)
 
 
 def _robot_name(name: str, origin: Origin) -> str:

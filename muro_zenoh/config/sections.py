@@ -14,7 +14,7 @@ from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.schema import Section
 from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
 from muro_zenoh.estimation.wheel_model import WheelLimits
-from muro_zenoh.geometry import Bounds, Circle, TagMount, View, straight_down_view
+from muro_zenoh.geometry import Bounds, Circle, TagMount, View
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import (
     Acceleration,
@@ -23,6 +23,7 @@ from muro_zenoh.quantities import (
     Coordinate,
     Count,
     Duration,
+    Height,
     Length,
     Number,
     Period,
@@ -36,6 +37,7 @@ Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=
 Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
 StartRow = Annotated[tuple[Number, ...], Meta(min_length=3, max_length=3)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
+Distortion = Annotated[tuple[Number, ...], Meta(min_length=5, max_length=5)]
 Realm = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,31}(/[a-z][a-z0-9_]{0,31})*$")]
 LocalPoint = Annotated[str, Meta(pattern=r"^(tcp/(127(\.\d{1,3}){3}|localhost|\[::1\]):\d{1,5}|unixsock-stream/.+)$")]
 NetworkPoint = Annotated[str, Meta(pattern=r"^(tcp|udp|tls|quic|unixsock-stream|ws)/.+")]
@@ -55,6 +57,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         tag_x: the tag's centre in the base frame (origin: the middle of the axle), forwards [m].
         tag_y: the same, to the left [m].
         tag_yaw: heading of the tag's +x (from its left edge to its right edge as printed) in the base frame [rad].
+        tag_z: the tag's height above the floor [m]. A camera given by points of one plane takes all tags to be in that.
         radius: of the body [m].
         wheel_base: distance between the wheels [m].
         v_max: maximum speed [m/s].
@@ -74,6 +77,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
     tag_x: Coordinate = 0.0
     tag_y: Coordinate = 0.0
     tag_yaw: Angle = 0.0
+    tag_z: Height = 0.15
     radius: Length = 0.177
     wheel_base: Length = 0.23
     v_max: Speed = 0.5
@@ -104,7 +108,7 @@ class RobotSettings(Section, frozen=True, kw_only=True):
         """
         if self.tag is None:
             raise ValueError("this robot has no tag")
-        return TagMount(self.tag, self.tag_size, self.tag_x, self.tag_y, self.tag_yaw)
+        return TagMount(self.tag, self.tag_size, self.tag_x, self.tag_y, self.tag_yaw, self.tag_z)
 
 
 ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
@@ -113,12 +117,38 @@ ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 CIRCLE = Circle(0.0, 0.0, 0.8)
 """The default circle."""
 
-_VIEW_MARGIN = 0.25
-"""Margin beyond the arena that a camera without configured points sees [m]."""
+
+class CalibrationSettings(Section, frozen=True, kw_only=True):
+    """A calibrated camera, as OpenCV describes one: a file of its own beside the fleet file, or a table in it.
+
+    Attributes:
+        width: of the pictures that it was calibrated with [px].
+        height: of them [px].
+        focal: focal lengths along u and v [px].
+        centre: the principal point [px]; integers are pixel centres.
+        distortion: k1, k2, p1, p2, k3.
+        position: of the camera [m, world].
+        rotation: rotation vector from the world's to the camera's frame [rad].
+    """
+
+    width: Annotated[int, _PIXELS]
+    height: Annotated[int, _PIXELS]
+    focal: Annotated[tuple[Annotated[float, Quantity("px", above=0.0)], ...], Meta(min_length=2, max_length=2)]
+    centre: Pixel
+    distortion: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
+    position: Annotated[tuple[Coordinate, ...], Meta(min_length=3, max_length=3)]
+    rotation: Annotated[tuple[Annotated[float, Quantity("rad")], ...], Meta(min_length=3, max_length=3)]
+
+
+HUNG = ("x", "y", "z", "heading", "tilt", "fov", "distortion")
+"""The settings of a camera that hangs at a given place."""
 
 
 class CameraSettings(Section, frozen=True, kw_only=True):
     """An overhead camera.
+
+    Where it is comes from points (``pixels`` and ``metres``), from a calibration, or from ``x`` to ``distortion``: as a
+    simulated camera hangs. Without any of them it hangs over the middle of the arena and sees all of it.
 
     Attributes:
         width: of its frames [px].
@@ -127,8 +157,18 @@ class CameraSettings(Section, frozen=True, kw_only=True):
         latency: minimum time from the capture of a frame to its arrival at the base station [s]; the base station
             measures the additional delay of each frame.
         family: family of the tags to detect, as OpenCV names it.
+        detector: the library that detects them; ``apriltag`` is slower, finds more of small and blurred tags, and needs
+            the extra of this name.
         pixels: four or more points of the image [px].
         metres: the positions of these points on the plane of the tags [m, world].
+        calibration: its calibration: a table, or the name of a TOML file relative to the one that names it.
+        x: of the camera [m, world]; by default the arena's middle.
+        y: of the camera [m, world]; by default the arena's middle.
+        z: of the camera above the floor [m].
+        heading: of the picture's right edge, counter-clockwise from x [rad].
+        tilt: from straight down towards the picture's upper edge [rad].
+        fov: angle that the picture's width covers [rad]; by default as much as shows the whole arena.
+        distortion: k1, k2, p1, p2, k3 of the lens.
         sigma_pixels: standard deviation of a tag's corners [px]; it determines the covariance of the fixes.
         jpeg_quality: of the simulated camera's frames; 0 for raw grey frames.
     """
@@ -138,21 +178,25 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     rate: Annotated[float, Quantity("Hz", above=0.0, at_most=240.0)] = 20.0
     latency: Duration = 0.05
     family: str = "DICT_4X4_50"
+    detector: Literal["opencv", "apriltag"] = "opencv"
     pixels: Annotated[tuple[Pixel, ...], Meta(min_length=4)] | None = None
     metres: Annotated[tuple[Point, ...], Meta(min_length=4)] | None = None
+    calibration: CalibrationSettings | None = None
+    x: Coordinate | None = None
+    y: Coordinate | None = None
+    z: Annotated[float, Quantity("m", above=0.0)] | None = None
+    heading: Angle | None = None
+    tilt: Annotated[float, Quantity("rad", at_least=-1.5, at_most=1.5)] | None = None
+    fov: Annotated[float, Quantity("rad", at_least=0.01, at_most=3.0)] | None = None
+    distortion: Distortion | None = None
     sigma_pixels: Annotated[float, Quantity("px", above=0.0)] = 0.15
     jpeg_quality: Annotated[int, Quantity(at_least=0, at_most=100, whole=True)] = 85
 
-    def views(self, arena: Bounds) -> tuple[View, ...]:
-        """Pairs of pixels and positions; without ``pixels`` those of a camera that looks straight down at the arena.
-
-        Args:
-            arena: the floor.
-        """
-        if self.pixels is not None and self.metres is not None:
-            pairs = zip(self.pixels, self.metres, strict=True)
-            return tuple(View(u, v, x, y) for (u, v), (x, y) in pairs)
-        return straight_down_view(arena, self.width, self.height, margin=_VIEW_MARGIN)
+    @property
+    def views(self) -> tuple[View, ...]:
+        """Pairs of pixels and positions, where the camera is given by points."""
+        pairs = zip(self.pixels or (), self.metres or (), strict=True)
+        return tuple(View(u, v, x, y) for (u, v), (x, y) in pairs)
 
 
 class BusSettings(Section, frozen=True, kw_only=True):
@@ -208,14 +252,24 @@ class Simulation(Section, frozen=True, kw_only=True):
         image_noise: standard deviation of the camera's grey values [0..255]. Not 0: identical pictures are taken for
             those of a stuck camera.
         image_blur: standard deviation of the camera's blur [px].
-        camera_latency: from capture to sending [s].
+        image_shade: fraction of the light that is missing in the darkest place of a picture.
+        exposure: of each frame [s]; what moves is blurred.
+        camera_latency: from capture to sending, at least [s].
+        camera_jitter: the latency is longer by up to this, at random [s].
+        camera_loss: fraction of the frames that are lost.
+        arm_every: mean time from one arm that reaches across a picture to the next [s]; 0 for never.
     """
 
     drive_error: Annotated[float, Quantity(at_least=0.0, at_most=0.3)] = 0.2
     slip: Annotated[float, Quantity("m/sqrt(m)", at_least=0.0, at_most=0.5)] = 0.005
     image_noise: Annotated[float, Quantity("grey levels", at_least=0.5, at_most=64.0)] = 3.0
     image_blur: Annotated[float, Quantity("px", at_least=0.0, at_most=5.0)] = 0.6
+    image_shade: Annotated[float, Quantity(at_least=0.0, at_most=0.9)] = 0.3
+    exposure: Annotated[float, Quantity("s", at_least=0.0, at_most=0.1)] = 0.005
     camera_latency: Duration = 0.05
+    camera_jitter: Annotated[float, Quantity("s", at_least=0.0, at_most=1.0)] = 0.0
+    camera_loss: Annotated[float, Quantity(at_least=0.0, at_most=1.0)] = 0.0
+    arm_every: Duration = 0.0
 
 
 class Scenario(Section, frozen=True, kw_only=True):

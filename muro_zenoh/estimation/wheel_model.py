@@ -8,6 +8,7 @@ silent, and the agent looks ahead with it. Without it the transients of a comman
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from muro_zenoh import elementwise
@@ -77,20 +78,37 @@ def follow(speed: Scalar, target: Scalar, grow: Any, fall: Any, lag: Any, dt: fl
         The speed after ``dt``.
     """
     xp = elementwise.of(speed)
+    if xp is elementwise.FLOATS:
+        result: Scalar = _follow_float(speed, target, grow, fall, lag, dt)
+        return result
     lag = elementwise.of(lag).maximum(lag, _LEAST_LAG)
     gap = target - speed
-    reached: Any = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
+    reached = _approach(xp, target, gap, xp.where(speed * gap < 0.0, fall, grow), lag, dt)
     reversing: Any = speed * target < 0.0
-    if xp is elementwise.FLOATS:
-        if reversing:
-            reached = _reverse(xp, speed, target, grow, fall, lag, dt)
-    elif reversing.any():  # few are at any one time
+    if reversing.any():  # few are at any one time
         import numpy as np  # only where arrays are
 
         few: list[Any] = [value[reversing] for value in np.broadcast_arrays(speed, target, grow, fall, lag)]
         reached[reversing] = _reverse(xp, few[0], few[1], few[2], few[3], few[4], dt)
-    result: Scalar = reached
-    return result
+    moved: Scalar = reached
+    return moved
+
+
+def _follow_float(speed: Any, target: Any, grow: float, fall: float, lag: float, dt: float) -> Any:
+    """:func:`follow` for plain floats, written out, because agents and bases ask for it all the time."""
+    if lag < _LEAST_LAG:
+        lag = _LEAST_LAG
+    gap = target - speed
+    if speed * target < 0.0:
+        return _reverse(elementwise.FLOATS, speed, target, grow, fall, lag, dt)
+    size = abs(gap)
+    limit = fall if speed * gap < 0.0 else grow
+    ramp = size / limit - lag
+    if ramp > dt:
+        ramp = dt
+    elif not ramp > 0.0:
+        ramp = 0.0
+    return target - math.copysign((size - limit * ramp) * math.exp((ramp - dt) / lag), gap)
 
 
 def _reverse(xp: Any, speed: Any, target: Any, grow: Any, fall: Any, lag: Any, dt: float) -> Any:

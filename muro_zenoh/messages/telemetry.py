@@ -27,7 +27,8 @@ class PoseFix(Message, frozen=True, kw_only=True):
     """A robot's pose as seen by a camera.
 
     ``stamp``: when the base station sent it; ``age`` [s]: how long before that the frame was captured; ``x``, ``y``
-    [m] and ``theta`` [rad]: the base frame in the world.
+    [m] and ``theta`` [rad]: the base frame in the world. ``camera``: the cameras that saw it, joined by ``+``, first
+    the one whose frame it is.
     """
 
     age: Annotated[float, Meta(ge=0)]

@@ -1,8 +1,8 @@
 """A simulated overhead camera's picture of the robots.
 
 Metres are converted to pixels here and nowhere else in the simulation; the inverse is in ``basestation.localization``.
-The picture has what makes tag detection hard: an uneven floor, dark bodies, optical blur, sensor noise, and tags cut by
-the picture's edge.
+The picture has what makes tag detection hard: perspective and a lens that bends, an uneven floor, dark bodies, optical
+blur, motion blur, uneven light, things in the way, sensor noise, and tags cut by the picture's edge.
 
 In OpenCV an integer coordinate is the centre of a pixel: a texture of n texels reaches from -0.5 to n - 0.5.
 """
@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from muro_zenoh.geometry import TagMount, View
-from muro_zenoh.simulation.tag_print import SQUARE, TagPrints, corners_in_world, turned
+from muro_zenoh.geometry import TagMount
+from muro_zenoh.optics.camera_model import CameraModel
+from muro_zenoh.simulation.scenery import BANK, draw_floor, draw_light, draw_noise
+from muro_zenoh.simulation.shapes import DISC, PAPER, Shapes
+from muro_zenoh.simulation.tag_print import TagPrints, corners_in_world, turned
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -27,13 +30,18 @@ BODY: Final = 75
 """Grey level of a robot's top."""
 MARK: Final = 135
 """Grey level of the mark that shows the forward direction."""
-FLOOR: Final = 165
-"""Mean grey level of the floor."""
+SIDE: Final = 55
+"""Grey level of a robot's side."""
+SLEEVE: Final = 95
+"""Grey level of what comes between the camera and the floor."""
+
+Pixel = TypeVar("Pixel", np.uint8, np.float32)
 
 _SHIFT = 4  # binary places of the sub-pixel coordinates that fillConvexPoly takes
-_BANK = 96  # a noise crop starts at one of 96 rows and columns: 9216 different frames
 _NOWHERE = -1e3  # a coordinate outside every picture [px]
 _RIM = 4  # margin around a robot for the blur [px]
+_COARSE = 4  # directions are computed at each fourth pixel and interpolated: 0.003 px off for a strong lens
+_SHORT = 0.25  # motion below this is too short to blur anything [px]
 
 
 class _Box(NamedTuple):
@@ -48,99 +56,68 @@ class _Box(NamedTuple):
 class OverheadCamera:
     """Renders grey pictures of robots with tags.
 
-    A tag is drawn through the homography of its own four corners, so that its edges are exact to hundredths of a pixel.
-    All tags are assumed to be in the one plane that ``homography`` maps.
+    A tag is drawn pixel by pixel: each pixel's direction is followed to the tag's plane, so that its edges are bent as
+    the lens bends them, and exact to hundredths of a pixel.
 
     Args:
-        width: of the picture [px].
-        height: of the picture [px].
-        homography: (3, 3), from homogeneous metres [world] to homogeneous pixels; the third component is positive in
-            front of the camera.
+        model: the camera.
         family: name of the tags' dictionary in OpenCV, such as ``DICT_4X4_50``.
         blur: standard deviation of the optics' blur on robots and tags [px].
         noise: standard deviation of the sensor's noise [grey levels]; 0 for none.
-        seed: of the floor's speckle and of the noise; one camera's seed gives one floor.
+        shade: the fraction of the light that is missing in the darkest place.
+        exposure: duration of the exposure [s]; what moves is blurred.
+        seed: of the floor's speckle, the light and the noise; one camera's seed gives one floor.
 
     Raises:
-        ValueError: an unknown family, an invalid size or matrix.
+        ValueError: an unknown family, an invalid setting.
     """
 
     def __init__(
         self,
-        width: int,
-        height: int,
-        homography: Array,
+        model: CameraModel,
         *,
         family: str = "DICT_4X4_50",
         blur: float = 0.7,
         noise: float = 2.5,
+        shade: float = 0.0,
+        exposure: float = 0.0,
         seed: int = 0,
     ) -> None:
-        if width < 1 or height < 1:
-            raise ValueError(f"a picture of {width} x {height} pixels, expected at least 1 x 1")
-        if homography.shape != (3, 3) or not np.isfinite(homography).all():
-            raise ValueError(f"homography of shape {homography.shape}, expected a finite 3 x 3 matrix")
         if not 0.0 <= noise <= 64.0 or not 0.0 <= blur <= 10.0:
             raise ValueError(f"noise {noise} and blur {blur}, expected 0 to 64 grey levels and 0 to 10 pixels")
+        if not 0.0 <= shade < 1.0 or not 0.0 <= exposure <= 1.0:
+            raise ValueError(f"shade {shade} and exposure {exposure}, expected 0 to 1 and 0 to 1 s")
         cv2.setNumThreads(1)
-        self.width = width
-        self.height = height
-        self.homography = homography.astype(np.float64)
+        self.model = model
+        self.width = model.width
+        self.height = model.height
         self._prints = TagPrints(family)
         self._blur = blur
+        self._exposure = exposure
+        self._rays = _rays_of_pixels(model)
         rng = np.random.default_rng(seed)
-        self._floor = self._draw_floor(rng)
+        self._floor = draw_floor(self.width, self.height, rng)
         self._scene = self._floor.copy()
-        self._shapes: _Shapes | None = None
-        self._noise = self._draw_noise(rng, noise)
-
-    @classmethod
-    def from_views(
-        cls,
-        width: int,
-        height: int,
-        views: Sequence[View],
-        *,
-        family: str = "DICT_4X4_50",
-        blur: float = 0.7,
-        noise: float = 2.5,
-        seed: int = 0,
-    ) -> OverheadCamera:
-        """A camera that sees given points at given pixels.
-
-        Args:
-            width: of the picture [px].
-            height: of the picture [px].
-            views: at least four, no three of them collinear; more are fitted by least squares.
-            family: name of the tags' dictionary in OpenCV.
-            blur: standard deviation of the optics' blur [px].
-            noise: standard deviation of the sensor's noise [grey levels].
-            seed: of the floor and the noise.
-
-        Raises:
-            ValueError: fewer than four views, or views that do not determine a homography.
-        """
-        if len(views) < 4:
-            raise ValueError(f"{len(views)} views, expected at least 4")
-        table = np.array(views, dtype=np.float64)
-        found, _ = cv2.findHomography(table[:, 2:], table[:, :2])
-        if found is None:
-            raise ValueError("the views do not determine a homography: three of four are collinear, or all coincide")
-        matrix = np.asarray(found, dtype=np.float64)
-        matrix *= math.copysign(1.0, float((table[:, 2:] @ matrix[2, :2] + matrix[2, 2]).mean()))
-        return cls(width, height, matrix, family=family, blur=blur, noise=noise, seed=seed)
+        self._shapes: Shapes | None = None
+        self._noise = draw_noise(self.width, self.height, rng, noise)
+        # Robots are drawn on the scene in full light, and copied from there to the lit one.
+        self._light = draw_light(self.width, self.height, rng, shade) if shade > 0.0 else None
+        self._lit_floor = self._floor
+        self._lit = self._scene
+        if self._light is not None:
+            self._lit_floor = np.asarray(cv2.multiply(self._floor, self._light, scale=1 / 255), dtype=np.uint8)
+            self._lit = self._lit_floor.copy()
 
     def project(self, points: Array) -> Array:
         """Project points into the picture.
 
         Args:
-            points: (..., 2) [m, world].
+            points: (..., 3) [m, world].
 
         Returns:
             (..., 2) [px].
         """
-        homogeneous = points @ self.homography[:, :2].T + self.homography[:, 2]
-        return homogeneous[..., :2] / homogeneous[..., 2:]
+        return self.model.project(points)
 
     def tag_corners(self, pose: Array, mount: TagMount, border: float = 0.0) -> Array:
         """A tag's corners in the picture, for a pose of its robot.
@@ -153,18 +130,27 @@ class OverheadCamera:
         Returns:
             (4, 2) [px]: as printed, the upper left corner, then clockwise.
         """
-        return self.project(corners_in_world(pose, mount, border))
+        return self.project(np.insert(corners_in_world(pose, mount, border), 2, mount.z, axis=1))
 
     def render(
-        self, poses: Array, mounts: Sequence[TagMount], radii: Sequence[float], rng: np.random.Generator
+        self,
+        poses: Array,
+        mounts: Sequence[TagMount],
+        radii: Sequence[float],
+        rng: np.random.Generator,
+        *,
+        twists: Array | None = None,
+        cover: Array | None = None,
     ) -> Picture:
         """The picture of all robots.
 
         Args:
-            poses: (N, 3) x [m], y [m], theta [rad] of the base frames in the world.
+            poses: (N, 3) x [m], y [m], theta [rad] of the base frames in the world, in the middle of the exposure.
             mounts: N, a tag for each robot.
             radii: N, of the robots' round bodies [m].
             rng: draws the noise.
+            twists: (N, 2) v [m/s], omega [rad/s] of the robots, for the motion blur; None when all stand still.
+            cover: (K, 2) corners of a convex thing between camera and floor [px]; None for none.
 
         Returns:
             (height, width) of uint8.
@@ -176,43 +162,77 @@ class OverheadCamera:
             raise ValueError(f"{len(poses)} poses, {len(mounts)} mounts, {len(radii)} radii, expected as many of each")
         shapes = self._shapes_of(mounts, radii)
         outlines = self._project_outlines(poses, shapes)
-        papers = self._boxes_round(outlines[:, len(_BODY) :], rim=1)
+        papers = self._boxes_round(outlines[:, PAPER:], rim=2)
         # Everything is drawn on one picture of the floor, which is restored afterwards where robots were: a few small
         # copies instead of two of the whole picture.
-        scene = self._scene
-        drawn = [box for box in self._boxes_round(outlines, rim=_RIM) if _is_seen(box)]
+        scene, lit = self._scene, self._lit
+        boxes = self._boxes_round(outlines, rim=_RIM)
+        kernels = self._kernels(poses, twists, mounts)
+        drawn = [(box, kernel) for box, kernel in zip(boxes, kernels, strict=True) if _is_seen(box)]
+        hidden = [] if cover is None else [box for box in self._boxes_round(cover[None], rim=1) if _is_seen(box)]
         try:
-            self._draw_bodies(scene, outlines[:, : len(_BODY)])
-            for box, texture, to_box in zip(
-                papers, shapes.textures, self._texels_to_boxes(poses, shapes, papers), strict=True
+            self._draw_bodies(scene, outlines)
+            for box, texture, to_texel in zip(
+                papers, shapes.textures, self._rays_to_texels(poses, shapes), strict=True
             ):
                 if _is_seen(box):
-                    _draw_tag(_window(scene, box), texture, to_box)
-            if self._blur > 0.0:
-                # From copies of the sharp scene, so that overlapping boxes are not blurred twice.
-                for window, sharp in [(_window(scene, box), _window(scene, box).copy()) for box in drawn]:
-                    cv2.GaussianBlur(sharp, (0, 0), self._blur, dst=window)
-            return self._expose(scene, rng)
+                    _draw_tag(_window(scene, box), texture, _window(self._rays, box), to_texel)
+            # From copies of the sharp scene, so that overlapping boxes are not blurred twice.
+            sharp = [(box, kernel, _window(scene, box).copy()) for box, kernel in drawn]
+            for box, kernel, window in sharp:
+                self._expose_window(box, window, kernel)
+            if cover is not None and hidden:
+                cv2.fillConvexPoly(lit, np.rint(cover * (1 << _SHIFT)).astype(np.int32), (SLEEVE,), cv2.LINE_AA, _SHIFT)
+            return self._expose(lit, rng)
         finally:
-            for box in drawn:
+            for box in [*(box for box, _ in drawn), *hidden]:
                 np.copyto(_window(scene, box), _window(self._floor, box))
+                np.copyto(_window(lit, box), _window(self._lit_floor, box))
 
-    def _shapes_of(self, mounts: Sequence[TagMount], radii: Sequence[float]) -> _Shapes:
+    def _expose_window(self, box: _Box, sharp: Picture, kernel: Array | None) -> None:
+        """Blur and light a part of the scene, from a sharp copy of it."""
+        target = _window(self._lit, box)
+        if kernel is not None:
+            cv2.filter2D(sharp, -1, kernel, dst=target)
+        elif self._blur > 0.0:
+            cv2.GaussianBlur(sharp, (0, 0), self._blur, dst=target)
+        else:
+            np.copyto(target, sharp)
+        if self._light is not None:
+            cv2.multiply(target, _window(self._light, box), dst=target, scale=1 / 255)
+
+    def _shapes_of(self, mounts: Sequence[TagMount], radii: Sequence[float]) -> Shapes:
         """The robots' shapes; rebuilt only when the robots differ from those of the last picture."""
         if self._shapes is None or self._shapes.mounts != mounts or self._shapes.radii != radii:
-            self._shapes = _Shapes(self._prints, list(mounts), list(radii))
+            self._shapes = Shapes(self._prints, list(mounts), list(radii))
         return self._shapes
 
-    def _project_outlines(self, poses: Array, shapes: _Shapes) -> Array:
-        """Outlines of the bodies and papers (N, 47, 2) [px]; far outside for a robot that cannot be seen."""
+    def _project_outlines(self, poses: Array, shapes: Shapes) -> Array:
+        """Outlines of feet, bodies, marks and papers (N, 87, 2) [px]; far outside for a robot that cannot be seen."""
         places = turned(shapes.outlines, poses[:, 2]) + poses[:, None, :2]
-        homogeneous = places @ self.homography[:, :2].T + self.homography[:, 2]
-        depths = homogeneous[..., 2]
-        points = homogeneous[..., :2] / depths[..., None]
+        points = self.project(np.concatenate((places, shapes.heights[..., None]), axis=-1))
         # A robot behind the camera, or so far outside that OpenCV's fixed-point numbers would overflow, is not drawn.
-        drawable = np.all(depths > 0.0, axis=1) & np.all(np.abs(points) < 1e5, axis=(1, 2))
+        drawable = np.all(np.abs(points) < 1e5, axis=(1, 2))  # false for NaN
         shown: Array = np.where(drawable.reshape(-1, 1, 1), points, _NOWHERE)
         return shown
+
+    def _kernels(
+        self, poses: Array, twists: Array | None, mounts: Sequence[TagMount]
+    ) -> list[NDArray[np.float64] | None]:
+        """The kernels of optics and motion together; None for a robot that does not move enough to be blurred by it.
+
+        A short smear is as good as a Gaussian with its second moment: a third of the square of half its length.
+        """
+        if twists is None or self._exposure <= 0.0 or not len(poses):
+            return [None] * len(poses)
+        ahead = np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
+        offsets = turned(np.array([[(mount.x, mount.y)] for mount in mounts]), poses[:, 2])[:, 0]
+        spin = twists[:, 1:] * np.column_stack((-offsets[:, 1], offsets[:, 0]))
+        half = 0.5 * self._exposure * (twists[:, :1] * ahead + spin)
+        places = np.column_stack((poses[:, :2] + offsets, [mount.z for mount in mounts]))
+        after = places + np.column_stack((half, np.zeros(len(half))))
+        smear = self.project(after) - self.project(places)
+        return [_smear(self._blur, u, v) if math.hypot(u, v) > 0.5 * _SHORT else None for u, v in smear.tolist()]
 
     def _boxes_round(self, points: Array, rim: int) -> list[_Box]:
         """The bounding boxes of N groups of points (N, K, 2) [px], clipped to the picture."""
@@ -221,29 +241,31 @@ class OverheadCamera:
         high = np.clip(np.ceil(points.max(axis=1)).astype(np.int64) + rim + 1, 0, size)
         return [_Box(*corners) for corners in np.concatenate((low, high), axis=1).tolist()]
 
-    def _texels_to_boxes(self, poses: Array, shapes: _Shapes, boxes: list[_Box]) -> Array:
-        """The homographies (N, 3, 3) from the tags' texels to the pixels of their boxes."""
-        to_world = np.zeros((len(poses), 3, 3))
+    def _rays_to_texels(self, poses: Array, shapes: Shapes) -> Array:
+        """The homographies (N, 3, 3) from directions to the tags' texels."""
+        to_world = np.zeros((len(poses), 4, 4))
         to_world[:, 0, 0] = to_world[:, 1, 1] = np.cos(poses[:, 2])
         to_world[:, 1, 0] = np.sin(poses[:, 2])
         to_world[:, 0, 1] = -to_world[:, 1, 0]
-        to_world[:, :2, 2] = poses[:, :2]
-        to_world[:, 2, 2] = 1.0
-        matrices: Array = self.homography @ to_world @ shapes.texels_to_base
-        corners = np.array([(box.left, box.top) for box in boxes], dtype=np.float64).reshape(-1, 2, 1)
-        matrices[:, :2] -= corners * matrices[:, 2:]
-        return matrices
+        to_world[:, :2, 3] = poses[:, :2]
+        to_world[:, 2, 2] = to_world[:, 3, 3] = 1.0
+        matrices: Array = self.model.view @ to_world @ shapes.texels_to_base
+        # A robot at no place is not drawn, whatever its matrix.
+        matrices[~np.isfinite(matrices).all(axis=(1, 2))] = np.eye(3)
+        return np.linalg.inv(matrices).astype(np.float64)
 
     def _draw_bodies(self, scene: Picture, outlines: Array) -> None:
         for outline in np.rint(outlines * (1 << _SHIFT)).astype(np.int32):
-            cv2.fillConvexPoly(scene, outline[:_DISC], (BODY,), cv2.LINE_AA, _SHIFT)
-            cv2.fillConvexPoly(scene, outline[_DISC:], (MARK,), cv2.LINE_AA, _SHIFT)
+            side = cv2.convexHull(outline[: 2 * DISC])
+            cv2.fillConvexPoly(scene, side, (SIDE,), cv2.LINE_AA, _SHIFT)
+            cv2.fillConvexPoly(scene, outline[DISC : 2 * DISC], (BODY,), cv2.LINE_AA, _SHIFT)
+            cv2.fillConvexPoly(scene, outline[2 * DISC : PAPER], (MARK,), cv2.LINE_AA, _SHIFT)
 
     def _expose(self, scene: Picture, rng: np.random.Generator) -> Picture:
         """A picture of the scene, with the sensor's noise."""
         if self._noise is None:
             return scene.copy()
-        row, column = rng.integers(0, _BANK, size=2).tolist()
+        row, column = rng.integers(0, BANK, size=2).tolist()
         window = (slice(row, row + self.height), slice(column, column + self.width))
         brighter, darker = self._noise
         picture = cv2.add(scene, brighter[window])
@@ -251,90 +273,40 @@ class OverheadCamera:
         exposed: Picture = picture  # type: ignore[assignment]  # OpenCV's stubs know no element types
         return exposed
 
-    def _draw_floor(self, rng: np.random.Generator) -> Picture:
-        """Light that falls off towards the corners and one side, and a speckle of two grain sizes."""
-        v, u = np.mgrid[0 : self.height, 0 : self.width].astype(np.float32)
-        u, v = u / self.width - 0.5, v / self.height - 0.5
-        floor: NDArray[np.float32] = FLOOR + 25.0 * u - 12.0 * v - 50.0 * (u * u + v * v)
-        for grain, strength in ((1.5, 5.0), (12.0, 5.0)):
-            speckle = rng.standard_normal((self.height, self.width), dtype=np.float32)
-            grains = cv2.GaussianBlur(speckle, (0, 0), grain)
-            floor += strength / float(grains.std() or 1.0) * grains
-        drawn: Picture = np.clip(np.rint(floor), 0, 255).astype(np.uint8)
-        return drawn
-
-    def _draw_noise(self, rng: np.random.Generator, noise: float) -> tuple[Picture, Picture] | None:
-        """Noise to add and noise to subtract, as bytes: two saturating passes, no signed arithmetic."""
-        if noise <= 0.0:
-            return None
-        shape = (self.height + _BANK, self.width + _BANK)
-        grey = np.rint(noise * rng.standard_normal(shape, dtype=np.float32))
-        return grey.clip(0, 255).astype(np.uint8), (-grey).clip(0, 255).astype(np.uint8)
-
-
-class _Shapes:
-    """What is constant between pictures of the same robots.
-
-    Attributes:
-        mounts: the robots' tags.
-        radii: of their bodies [m].
-        outlines: (N, 47, 2) bodies and papers in the base frames [m].
-        textures: N, the tags' prints.
-        texels_to_base: (N, 3, 3) from homogeneous texels to homogeneous metres in the base frames.
-    """
-
-    def __init__(self, prints: TagPrints, mounts: list[TagMount], radii: list[float]) -> None:
-        self.mounts = mounts
-        self.radii = radii
-        count = len(mounts)
-        half = np.array([0.5 * mount.size * prints.paper for mount in mounts]).reshape(count, 1, 1)
-        yaw = np.array([mount.yaw for mount in mounts])
-        offset = np.array([(mount.x, mount.y) for mount in mounts]).reshape(count, 1, 2)
-        papers = turned(half * SQUARE, yaw) + offset
-        bodies = np.array(radii).reshape(count, 1, 1) * _BODY
-        self.outlines: Array = np.concatenate((bodies, papers), axis=1)
-        self.textures = [prints.texture(mount.id) for mount in mounts]
-        self.texels_to_base: Array = np.zeros((count, 3, 3))
-        for matrix, paper, texture in zip(self.texels_to_base, papers, self.textures, strict=True):
-            upper_left, upper_right, _, lower_left = paper
-            right, down = (upper_right - upper_left) / len(texture), (lower_left - upper_left) / len(texture)
-            # The upper left corner of the paper is at (-0.5, -0.5).
-            matrix[:2] = np.column_stack((right, down, upper_left + 0.5 * (right + down)))
-            matrix[2, 2] = 1.0
-
 
 def _is_seen(box: _Box) -> bool:
     return box.left < box.right and box.top < box.bottom
 
 
-def _window(picture: Picture, box: _Box) -> Picture:
+def _window(picture: NDArray[Pixel], box: _Box) -> NDArray[Pixel]:
     return picture[box.top : box.bottom, box.left : box.right]
 
 
-def _draw_tag(window: Picture, texture: Picture, to_window: Array) -> None:
-    height, width = window.shape
-    cv2.warpPerspective(texture, to_window, (width, height), dst=window, borderMode=cv2.BORDER_TRANSPARENT)
+def _draw_tag(window: Picture, texture: Picture, rays: NDArray[np.float32], to_texel: Array) -> None:
+    texels = cv2.perspectiveTransform(rays, to_texel)
+    cv2.remap(  # type: ignore[call-overload]  # OpenCV's stubs want a second map
+        texture, texels, None, cv2.INTER_LINEAR, dst=window, borderMode=cv2.BORDER_TRANSPARENT
+    )
 
 
-def encode_jpeg(picture: Picture, quality: int = 85) -> bytes:
-    """A grey picture as JPEG.
-
-    Args:
-        picture: (height, width) of uint8.
-        quality: 1 to 100; 80 to 85 costs the detector no accuracy.
-    """
-    ok, data = cv2.imencode(".jpg", picture, (cv2.IMWRITE_JPEG_QUALITY, quality))
-    if not ok:
-        raise ValueError(f"OpenCV cannot write a picture of shape {picture.shape} as JPEG")
-    return data.tobytes()
+def _rays_of_pixels(model: CameraModel) -> NDArray[np.float32]:
+    """The direction of each pixel (height, width, 2)."""
+    columns, rows = -(-model.width // _COARSE), -(-model.height // _COARSE)
+    middle = 0.5 * (_COARSE - 1)
+    u, v = np.meshgrid(np.arange(-1.0, columns + 1.0), np.arange(-1.0, rows + 1.0))
+    coarse = model.rays(_COARSE * np.stack((u, v), axis=-1) + middle).astype(np.float32)
+    fine = cv2.resize(coarse, None, fx=_COARSE, fy=_COARSE, interpolation=cv2.INTER_LINEAR)
+    inside = fine[_COARSE : _COARSE + model.height, _COARSE : _COARSE + model.width]
+    return np.ascontiguousarray(inside, dtype=np.float32)
 
 
-def _body(count: int) -> Array:
-    """A disc of radius 1 as a polygon, and a mark that points forwards, for human viewers."""
-    angles = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
-    mark = ((0.72, 0.16), (0.95, 0.0), (0.72, -0.16))
-    return np.concatenate((np.column_stack((np.cos(angles), np.sin(angles))), mark))
-
-
-_DISC: Final = 40  # corners: 0.1 px from a circle of 40 px radius
-_BODY: Final = _body(_DISC)
+def _smear(blur: float, u: float, v: float) -> NDArray[np.float64]:
+    """The kernel of a blur [px] and of a motion from (-u, -v) to (u, v) [px]."""
+    spread = np.array(((u * u, u * v), (u * v, v * v))) / 3.0 + max(blur * blur, 0.05) * np.eye(2)
+    reach = min(math.ceil(2.5 * math.sqrt(float(np.trace(spread)))), 15)
+    steps = np.arange(-reach, reach + 1.0)
+    du, dv = np.meshgrid(steps, steps)
+    (a, b), (_, d) = np.linalg.inv(spread)
+    kernel = np.exp(-0.5 * (a * du * du + 2.0 * b * du * dv + d * dv * dv))
+    even: NDArray[np.float64] = kernel / kernel.sum()
+    return even

@@ -12,6 +12,9 @@ from muro_zenoh.messages import Message
 
 T = TypeVar("T", bound=Message)
 
+_AT_ONCE = 0.1
+"""A message may arrive between looking at the clock and reading it: it then came so much later than now at most [s]."""
+
 
 @dataclass(slots=True)
 class Counters:
@@ -57,8 +60,10 @@ class Received(Struct, Generic[T], frozen=True, gc=False):
     measured: float = math.inf
 
     def age(self, now: float) -> float:
-        """What staleness is judged by: the time since it came plus its extra delay [s]."""
-        return now - self.arrival + self.delay
+        """What staleness is judged by: the time since it came plus its extra delay [s]; infinite for a message that
+        came later than now, because the clock was set back since."""
+        since = now - self.arrival
+        return since + self.delay if not since < -_AT_ONCE else math.inf
 
     def captured(self, latency: float = 0.0) -> float:
         """When it was captured, by our clock [s], given the least latency from there to here [s].

@@ -86,6 +86,10 @@ def _settings(settings: BusSettings) -> dict[str, Any]:
         # Frames go through shared memory between processes of one machine, the fleet's table does not: from about 40
         # robots on it is larger than Zenoh's threshold of 3 kB, and each agent would map 40 MB of pools to read it.
         "transport/shared_memory/transport_optimization/message_size_threshold": 65536,
+        # A picture is sent in pieces of 64 kB. Zenoh would wait up to 50 ms for room for them when a receiver stalls;
+        # sixteen pieces are a raw picture of 720p, so there is room in time, or the picture is dropped.
+        "transport/link/tx/queue/size/background": 16,
+        "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments": 1000,  # [us]
         "timestamping/enabled": True,  # the cache behind kept channels wants it
     }
     if settings.connect:

@@ -108,6 +108,14 @@ def test_the_lease_is_that_of_the_settings(lease: float, milliseconds: int) -> N
     assert BusSettings().lease == 2.0
 
 
+def test_a_picture_is_dropped_rather_than_waited_for_when_a_receiver_stalls() -> None:
+    """Zenoh's own wait is 50 ms, and its own room one piece of 64 kB (decision 4 has what it costs)."""
+    config = zenoh_link.zenoh_config(BusSettings())
+    drop = json.loads(config.get_json("transport/link/tx/queue/congestion_control/drop"))
+    assert drop["max_wait_before_drop_fragments"] == 1000
+    assert json.loads(config.get_json("transport/link/tx/queue/size/background")) * 65536 >= 1280 * 720
+
+
 async def test_a_frozen_process_is_missed_once_its_lease_is_over(shared_router: Router, bus: Bus) -> None:
     """Zenoh's own lease is 10 s."""
     roster = bus.roster()

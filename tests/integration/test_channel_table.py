@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from agents.agent import Agent
-from agents.distant_floor import DistantFloor
-from agents.simulator import Room, make_camera
+from agents.simulator import Room, film
 from basestation.station import Station
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
@@ -94,7 +93,7 @@ class Fleet:
             operator, station = buses["operator"], buses["basestation"]
             mains = [
                 Room(buses["simulator"], LAB, seed=3, executor=InlineExecutor(), cameras=()).run(),
-                _north(buses["camera"]),
+                film(buses["camera"], LAB, "north", 3, InlineExecutor()),
                 Station(station, LAB, None, cameras_on_bus(station, LAB, InlineExecutor())).run(),
                 *(Agent(buses[name], LAB, name).run() for name in LAB.robots),
                 Collector(operator, LAB).run(),
@@ -132,11 +131,6 @@ class Fleet:
 
     def _of(self, role: Role) -> Iterator[RecordingLink]:
         return (self.links[name] for name, roles in PROCESSES.items() if role in roles)
-
-
-async def _north(bus: Bus) -> None:
-    scene = DistantFloor(bus, LAB.robots)
-    await make_camera(bus, LAB, "north", scene, seed=3, executor=InlineExecutor()).run()
 
 
 @pytest.fixture(scope="module")

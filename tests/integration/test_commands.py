@@ -79,7 +79,7 @@ async def both_cameras(bus: Bus, robot: str) -> None:
     """Wait until both cameras have seen a robot."""
     seen: set[str] = set()
     async for received in bus.every(channels.POSE, robot):
-        seen.add(received.message.camera)
+        seen |= set(received.message.camera.split("+"))
         if seen == {"north", "south"}:
             return
 

@@ -261,6 +261,21 @@ def test_a_wrong_clock_is_wrong_by_so_much(fault: dict[str, Any], during: float,
     assert errors == pytest.approx([0.0, during, after], abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("process", "also"),
+    [
+        ("r1/base", {"kind": "crash", "target": "r1/agent", "at": 2.99}),
+        ("r1/agent", {"kind": "camera_dropout", "target": "r1", "at": 3.02}),
+        ("r1/agent", {"kind": "partition", "target": "r1/agent", "at": 3.02}),
+    ],
+)
+def test_a_clock_that_is_set_back_makes_nothing_young(process: str, also: dict[str, Any]) -> None:
+    faults = ({"kind": "clock_step", "target": process, "at": 3.0, "step": -2.0}, {**also, "duration": 4.0})
+    trace = run_fleet(lab(*faults, duration=7.0), 1)
+    assert commanded(trace, "r1", 2.9)
+    assert not any(commanded(trace, "r1", 3.7 + 0.1 * step) for step in range(32))
+
+
 def test_two_faults_of_one_kind_at_once_end_one_after_the_other() -> None:
     kinds: list[dict[str, Any]] = [
         {"kind": "crash", "target": "r1/agent"},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -579,24 +579,27 @@ async def test_processes_give_their_bases_the_limit_of_the_settings(monkeypatch:
     lab = parse_scenario(
         {"robots": 1, "timeouts": {"command": 0.7}, "separation": {"enabled": False}}, "lab.toml", name="lab"
     )
-    given: list[object] = []
+    given: asyncio.Queue[float] = asyncio.Queue()
 
     async def run_them(bus: Bus, wheels: object, clock: object, dead_man: float, limits: object) -> None:
-        given.append(dead_man)
+        given.put_nowait(dead_man)
+        await asyncio.Event().wait()
+
+    async def begin(process: Coroutine[object, object, None]) -> float:
+        task = asyncio.create_task(process)
+        limit = await within(5, given.get(), "the limit")
+        task.cancel()
+        await asyncio.wait({task})
+        return limit
 
     monkeypatch.setattr(run, "run_bases", run_them)
     monkeypatch.setattr(run, "open_bus", lambda *_: make_bus(MemoryNetwork().link(), roles=[Role.BASE]))
-    await run_base_process(lab, "r1")
+    assert await begin(run_base_process(lab, "r1")) == 0.7
     monkeypatch.setattr(simulator, "run_bases", run_them)
     async with make_bus(MemoryNetwork().link()) as bus:
         room = simulator.Room(bus, lab, 1, InlineExecutor())
         assert room.floor._watchdog == 0.7
-        task = asyncio.create_task(room.run())
-        await asyncio.sleep(0)
-        await asyncio.sleep(0)
-        task.cancel()
-        await asyncio.wait({task})
-    assert given == [0.7, 0.7]
+        assert await begin(room.run()) == 0.7
 
 
 class TestClocksThatMakeNoSense:
@@ -618,3 +621,13 @@ class TestClocksThatMakeNoSense:
         assert wheels.now == (0.2, 0.1)
         base.beat(math.nan)
         assert wheels.now == (0.0, 0.0)
+
+    @pytest.mark.parametrize("back", [0.02, 0.3, 4.0])
+    def test_a_clock_that_was_set_back_stops_the_wheels_until_the_next_command(self, back: float) -> None:
+        wheels = Wheels()
+        base = Base("r1", wheels)
+        base.obey(self.received(5.0), 5.0)
+        base.beat(5.0 - back)
+        assert wheels.now == (0.0, 0.0)
+        base.obey(self.received(5.1 - back), 5.1 - back)
+        assert wheels.now == (0.2, 0.1)

@@ -72,6 +72,15 @@ def test_the_age_of_a_pose_counts_from_its_capture_and_not_from_its_arrival() ->
     assert commands(loop.update(captured + 0.26, [(captured, fix(0.26))], [], NOTHING)) == [(0.0, 0.0)]
 
 
+@pytest.mark.parametrize("back", [0.3, 0.9, 4.0])
+def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) -> None:
+    loop = free(Forward())
+    for step in range(200):
+        assert commands(loop.update(T0 + 0.05 * step - back, [], [], NOTHING)) in ([], [(0.0, 0.0)])
+    now = T0 + 0.05 * 200 - back
+    assert commands(loop.update(now, [(now, fix())], [], NOTHING)) != [(0.0, 0.0)]
+
+
 def test_how_old_a_pose_may_be_and_when_a_command_is_repeated_are_settings() -> None:
     loop = ControlLoop("r1", ROBOT, Timeouts(pose=0.5, command=0.6))
     loop.take_stop(T0, StopOrder(all=False, revision=5))

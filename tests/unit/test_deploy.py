@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from basestation.localization.homography import Homography
+from basestation.localization.floor_map import FloorMap
 from muro_zenoh.config import BusSettings, load_scenario
+from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.transport.zenoh_link import zenoh_config
 
 HERE = Path(__file__).parents[2]
@@ -19,7 +20,7 @@ def test_the_fleet_file_names_ten_robots_and_two_cameras_that_see_all_the_floor(
     floor = np.stack((xs.ravel(), ys.ravel()), axis=1)
     seen = np.zeros(len(floor), dtype=int)
     for name, camera in fleet.camera.items():
-        pixels = Homography.fit(camera.views(fleet.arena), camera=name).to_pixels(floor)
+        pixels = FloorMap(camera_model(name, camera, fleet.arena)).to_pixels(floor)
         inside = (pixels > 10.0) & (pixels < np.array([camera.width, camera.height]) - 10.0)
         seen += inside.all(axis=1)
     assert seen.min() >= 1

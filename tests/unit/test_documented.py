@@ -17,7 +17,7 @@ import muro_zenoh
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
-LAWS = ("control", "planning", "estimation", "safety", "simulation", "arcs", "geometry")
+LAWS = ("control", "planning", "estimation", "safety", "simulation", "optics", "arcs", "geometry")
 
 
 def _modules() -> list[str]:

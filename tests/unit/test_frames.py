@@ -6,7 +6,7 @@ import pytest
 
 from basestation.localization.frames import decode_frame, jpeg_size
 from muro_zenoh.errors import MessageError
-from muro_zenoh.simulation.camera import encode_jpeg
+from muro_zenoh.optics.jpeg import encode_jpeg
 
 PICTURE = np.arange(48 * 64, dtype=np.uint32).reshape(48, 64).__mod__(251).astype(np.uint8)
 JPEG = encode_jpeg(PICTURE, 95)

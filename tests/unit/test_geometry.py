@@ -18,7 +18,6 @@ from muro_zenoh.geometry import (
     TagMount,
     Twist2,
     ccw_gap,
-    straight_down_view,
     wrap_to_pi,
 )
 
@@ -131,18 +130,3 @@ def test_still_is_still() -> None:
 def test_a_tags_frame_in_the_base_frame() -> None:
     mount = TagMount(3, 0.16, x=-0.03, y=0.02, yaw=3 * math.pi / 2)
     assert_same(mount.pose, Pose2(-0.03, 0.02, -math.pi / 2))
-
-
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (720, 1280), (100, 100)])
-def test_a_view_straight_down_sees_the_whole_floor_with_square_pixels(width: int, height: int) -> None:
-    views = straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), width, height, margin=0.1)
-    assert [(view.x, view.y) for view in views] == [(-2.1, -1.5), (2.1, -1.5), (2.1, 1.5), (-2.1, 1.5)]
-    across = (views[1].u - views[0].u) / 4.2
-    up = (views[1].v - views[2].v) / 3.0
-    assert across == pytest.approx(up)
-    assert up > 0.0, "world y is up, the picture's v is down"
-    for view in views:
-        assert -0.5 + 0.1 * across - 1e-9 <= view.u <= width - 0.5 - 0.1 * across + 1e-9
-        assert -0.5 + 0.1 * across - 1e-9 <= view.v <= height - 0.5 - 0.1 * across + 1e-9
-    assert sum(view.u for view in views) / 4 == pytest.approx((width - 1) / 2)
-    assert sum(view.v for view in views) / 4 == pytest.approx((height - 1) / 2)

@@ -3,18 +3,22 @@ import math
 import numpy as np
 import pytest
 
+from basestation.localization.detector import TagDetector
+from basestation.localization.floor_map import FloorMap
 from basestation.localization.frames import decode_frame
-from basestation.localization.homography import Homography
 from basestation.localization.localizer import Localizer, fit_squares
-from basestation.localization.markers import Marker, TagDetector
+from basestation.localization.markers import Marker
 from basestation.localization.sightings import Sighting
 from muro_zenoh.errors import MessageError
-from muro_zenoh.geometry import Bounds, Pose2, TagMount, View, straight_down_view, wrap_to_pi
-from muro_zenoh.simulation.camera import OverheadCamera, encode_jpeg
+from muro_zenoh.geometry import Bounds, Pose2, TagMount, View, wrap_to_pi
+from muro_zenoh.optics.jpeg import encode_jpeg
+from muro_zenoh.optics.plane import fit_plane
+from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.simulation.tag_print import corners_in_world
+from tests.support.cameras import plane_camera
 
 WIDTH, HEIGHT = 1280, 720
-VIEWS = straight_down_view(Bounds(-2.1, 2.1, -1.5, 1.5), WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
+CAMERA = plane_camera(Bounds(-2.1, 2.1, -1.5, 1.5), WIDTH, HEIGHT, margin=0.1)  # 225 px a metre: tags of 36 px
 # Offsets unlike each other, so that a sign or an order that is wrong shows.
 MOUNTS = [TagMount(i, 0.16, x=0.012 * i - 0.05, y=0.04 - 0.009 * i, yaw=0.7 * i - 3.0) for i in range(10)]
 TAGS = {mount.id: (f"r{mount.id}", mount) for mount in MOUNTS}
@@ -29,7 +33,7 @@ class DrawnMarkers:
         self.markers: list[Marker] = []
         self.wholes = 0
 
-    def detect(self, image: np.ndarray) -> list[Marker]:
+    def detect(self, image: np.ndarray, *, wanted: int = 0) -> list[Marker]:
         self.wholes += 1
         return list(self.markers)
 
@@ -41,11 +45,11 @@ BLANK = np.zeros((HEIGHT, WIDTH), np.uint8)
 
 
 def localizer(detector: object = None, **settings: object) -> Localizer:
-    return Localizer("north", Homography.fit(VIEWS, camera="north"), detector or TagDetector(), TAGS, **settings)  # type: ignore[arg-type]
+    return Localizer("north", FloorMap(CAMERA), detector or TagDetector(), TAGS, **settings)  # type: ignore[arg-type]
 
 
 def drawn(pose: Pose2, mount: TagMount, tag: int | None = None, scale: float = 1.0) -> Marker:
-    homography = Homography.fit(VIEWS, camera="north")
+    homography = FloorMap(CAMERA)
     shown = TagMount(mount.id, mount.size * scale, mount.x, mount.y, mount.yaw)
     return Marker(mount.id if tag is None else tag, homography.to_pixels(corners_in_world(np.array(pose), shown)))
 
@@ -79,7 +83,7 @@ class TestPoseOfTheBase:
     def test_the_mount_is_compensated(self, mount: TagMount, pose: Pose2) -> None:
         detector = DrawnMarkers()
         detector.markers = [drawn(pose, mount)]
-        finder = Localizer("north", Homography.fit(VIEWS, camera="north"), detector, {1: ("r1", mount)})  # type: ignore[arg-type]
+        finder = Localizer("north", FloorMap(CAMERA), detector, {1: ("r1", mount)})  # type: ignore[arg-type]
         (sighting,) = finder.locate(BLANK)
         assert sighting.name == "r1"
         assert sighting.pose == pytest.approx(pose, abs=1e-5)
@@ -92,13 +96,13 @@ class TestPoseOfTheBase:
         detector = DrawnMarkers()
         detector.markers = [Marker(1, corners)]
         mount = TagMount(1, 0.16, x=0.1)
-        finder = Localizer("north", Homography.fit(VIEWS, camera="north"), detector, {1: ("r1", mount)})  # type: ignore[arg-type]
+        finder = Localizer("north", FloorMap(CAMERA), detector, {1: ("r1", mount)})  # type: ignore[arg-type]
         (sighting,) = finder.locate(BLANK)
         assert sighting.pose == pytest.approx(Pose2(0.0, 0.0, -math.pi / 2), abs=1e-5)
 
     def test_rendered_robots_are_found_within_a_millimetre_after_jpeg(self) -> None:
         rng = np.random.default_rng(11)
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
+        scene = OverheadCamera(CAMERA)
         off, surprise, whole = [], [], 0
         for _ in range(30):
             poses = scattered(rng)
@@ -129,13 +133,13 @@ class TestPoseOfTheBase:
             View(960, 60, 2.1, 1.5),
             View(330, 70, -2.1, 1.5),
         ]
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, views)
-        homography = Homography.fit(views, camera="south")
+        camera = fit_plane(views, WIDTH, HEIGHT, camera="south")
+        scene = OverheadCamera(camera)
         off, scaled = [], []
         for _ in range(15):
             poses = scattered(rng) * (0.75, 0.95, 1.0)
             picture = scene.render(poses, MOUNTS, [0.1] * 10, rng)
-            finder = Localizer("south", homography, TagDetector(), TAGS)
+            finder = Localizer("south", FloorMap(camera), TagDetector(), TAGS)
             for sighting in finder.locate(picture):
                 error = errors(sighting, poses[int(sighting.name[1:])])
                 off.append(error)
@@ -155,7 +159,7 @@ class TestCovariance:
         detector = DrawnMarkers()
         finder = Localizer(
             "north",
-            Homography.fit(VIEWS, camera="north"),
+            FloorMap(CAMERA),
             detector,
             {1: ("r1", mount)},
             corner_noise=0.4,  # type: ignore[arg-type]
@@ -212,13 +216,13 @@ class TestWhatIsNoRobot:
 
     def test_a_picture_that_the_camera_is_not_calibrated_for_is_refused(self) -> None:
         with pytest.raises(MessageError, match="640 x 360 pixels, expected 1280 x 720, which camera north"):
-            localizer(size=(WIDTH, HEIGHT)).locate(BLANK[::2, ::2])
+            localizer().locate(BLANK[::2, ::2])
 
 
 class TestSearch:
     def test_a_robot_in_view_is_seen_in_every_picture(self) -> None:
         rng = np.random.default_rng(2)
-        scene = OverheadCamera.from_views(WIDTH, HEIGHT, VIEWS)
+        scene = OverheadCamera(CAMERA)
         finder = localizer()
         whole = 0
         for k in range(40):  # 2 s at 20 Hz: 0.4 m/s and 1.5 rad/s

@@ -16,7 +16,7 @@ from muro_zenoh.transport import inbox
 from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.inbox import Slot
 from muro_zenoh.transport.mailboxes import Every, Latest
-from muro_zenoh.transport.received import Counters
+from muro_zenoh.transport.received import Counters, Received
 from tests.support.clock import ManualClock
 from tests.support.waiting import within
 
@@ -568,3 +568,11 @@ async def test_what_waited_for_the_loop_when_the_mailbox_was_closed_is_not_read_
     box.inbox.close()
     with pytest.raises(TransportError, match="the mailbox is closed"):
         await box.next()
+
+
+def test_a_message_from_before_the_clock_was_set_back_has_no_age() -> None:
+    received = Received("r1", SpeedReference(speed=0.2), arrival=1000.0, delay=0.0, least=0.0)
+    assert received.age(1000.2) == pytest.approx(0.2)
+    assert received.age(999.95) == pytest.approx(-0.05)  # it came while the clock was being read
+    assert received.age(999.8) == math.inf
+    assert math.isnan(received.age(math.nan))

@@ -18,6 +18,7 @@ from agents.base.simulated import STEP, Floor
 from agents.simulated_camera import SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
+from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.messages import Frame
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
@@ -39,6 +40,7 @@ LAB = parse_scenario(
     "lab.toml",
     name="lab",
 )
+NORTH = camera_model("north", LAB.camera["north"], LAB.arena)
 
 
 @dataclass
@@ -60,7 +62,13 @@ async def filming(executor: Executor, clock: Clock) -> AsyncIterator[Filming]:
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as station:
         frames = station.every(channels.CAMERA, "north", depth=1024)
         camera = SimulatedCamera(
-            bus.publisher(channels.CAMERA, "north"), LAB.camera["north"], LAB, Floor(plant, clock), 1, executor
+            bus.publisher(channels.CAMERA, "north"),
+            LAB.camera["north"],
+            NORTH,
+            LAB,
+            Floor(plant, clock),
+            1,
+            executor,
         )
         task = asyncio.create_task(camera.run())
         yield Filming(camera, frames, task)
@@ -133,7 +141,7 @@ def test_no_two_pictures_are_alike_even_when_nothing_moves() -> None:
 
 
 def test_an_error_in_rendering_ends_the_camera(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise RuntimeError("no film left")
 
     monkeypatch.setattr(OverheadCamera, "render", broken)
@@ -152,11 +160,11 @@ async def test_the_loop_goes_on_while_a_thread_renders(monkeypatch: pytest.Monke
     rendered_in: set[int] = set()
     render = OverheadCamera.render
 
-    def slow(*arguments: Any) -> Any:
+    def slow(*arguments: Any, **others: Any) -> Any:
         rendered_in.add(threading.get_ident())
         begun.set()
         assert go_on.wait(30.0)
-        return render(*arguments)
+        return render(*arguments, **others)
 
     monkeypatch.setattr(OverheadCamera, "render", slow)
     with ThreadPoolExecutor(1) as pool:

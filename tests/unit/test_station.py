@@ -15,6 +15,7 @@ import pytest
 
 from basestation.fleet.state_store import StateStore
 from basestation.localization.localizer import Localizer
+from basestation.localization.of_scenario import make_fusion
 from basestation.localization.sightings import Sighting, Sightings
 from basestation.station import Station
 from basestation.tasks.positions import PositionsTask
@@ -450,15 +451,15 @@ async def test_a_resume_that_a_stop_overtakes_lifts_nothing(tmp_path: Path, monk
 def test_a_fix_that_is_captured_in_the_future_does_not_keep_the_true_ones_out() -> None:
     async def main() -> None:
         async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
-            positions = PositionsTask(bus, ["r1"])
+            positions = PositionsTask(bus, LAB.robots, make_fusion(LAB))
             poses, snapshots = there.bus.every(channels.POSE, "r1"), there.bus.latest(channels.ALL_POSITIONS)
-            for ahead, x in ((40.0, 1.0), (0.0, 2.0)):
+            for ahead, x in ((40.0, 1.0), (0.0, 1.02)):
                 await asyncio.sleep(0.05)
                 seen = (Sighting("r1", Pose2(x, 0.0, 0.0), (1e-6, 0, 0, 0, 1e-6, 0, 0, 0, 1e-6)),)
                 positions._take(Sightings(camera="north", captured=there.bus.clock.now() + ahead, robots=seen))
             newest = snapshots.get()
             assert newest is not None
-            assert [(robot.x, robot.age) for robot in newest.message.robots] == [(2.0, 0.0)]
+            assert [(robot.x, robot.age) for robot in newest.message.robots] == [(1.02, 0.0)]
             assert [fix.message.age for fix in poses.drain()] == [0.0, 0.0]
 
     run_virtually(main())
@@ -467,7 +468,7 @@ def test_a_fix_that_is_captured_in_the_future_does_not_keep_the_true_ones_out() 
 def test_stale_frames_are_counted_and_show_nobody() -> None:
     async def main() -> None:
         async with lab() as there, make_bus(there.network.link(), clock=there.bus.clock) as bus:
-            positions = PositionsTask(bus, ["r1"])
+            positions = PositionsTask(bus, LAB.robots, make_fusion(LAB))
             for quality in ("good", "stale", "bad", "stale"):
                 positions._take(Sightings(camera="north", captured=there.bus.clock.now(), frame=quality))
             assert (positions.frames, positions.bad_frames, positions.stale_frames) == (2, 1, 2)

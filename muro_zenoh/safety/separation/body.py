@@ -22,6 +22,16 @@ class Body(NamedTuple):
     brake: float = 1.0
     lag: float = 0.1
 
+    def scaled(self, s_v: float, s_omega: float) -> Body:
+        """The body as its wheels drive it.
+
+        Args:
+            s_v: what they do of a commanded speed.
+            s_omega: what they do of a commanded turning rate.
+        """
+        radius, v_max, omega_max, a_max, alpha_max, brake, lag = self
+        return Body(radius, s_v * v_max, s_omega * omega_max, s_v * a_max, s_omega * alpha_max, s_v * brake, lag)
+
 
 class RobotSeen(Protocol):
     """One robot of a snapshot: position and heading from the cameras, speeds from its agent [m, rad, s; world],

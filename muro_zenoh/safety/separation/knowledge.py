@@ -93,6 +93,7 @@ class Knowledge:
         keep = body.radius + settings.wall_margin
         self.walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
         self._received: deque[_Received] = deque()
+        self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
         self._me: RobotSeen | None = None
         self._mates: list[_Mate] = []
@@ -147,8 +148,9 @@ class Knowledge:
         if not received or sent - received[-1].sent > GAP:
             self._listening_since = sent
         received.append(taken)
-        oldest_row = max((min(row.age, _OLDEST_ROW) for row in rows.values()), default=0.0)
-        while received[0].sent < sent - self._span - oldest_row:
+        oldest_row = min(max([row.age for row in rows.values()], default=0.0), _OLDEST_ROW)
+        oldest = sent - self._span - oldest_row
+        while received[0].sent < oldest:
             received.popleft()
         self._me = me
         self._look(sent, rows)
@@ -177,7 +179,7 @@ class Knowledge:
         self.obstacles = tuple(obstacles)
 
     def _stretch(self, row: RobotSeen, body: Body) -> Stretch:
-        return _stretch_of(row.x, row.y, row.theta, row.v, body, self._settings.margin)
+        return _stretch_of(row.x, row.y, row.theta, row.v, body, body.radius + self._half_margin)
 
     def _obstacle(self, row: RobotSeen, body: Body, keep: float) -> Obstacle:
         """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
@@ -226,18 +228,16 @@ class Knowledge:
             crossed: list[Line] = []
             ahead, matters = -1.0, False
             for received in group:
-                lines = received.lines
-                line = lines[name] if name in lines else self._line(received, name)
-                if line is None:
-                    continue
-                nx, ny, bound, _ = line
-                if nx * x + ny * y + reach > bound:
-                    crossed.append(line)
-                    toward = -nx * c - ny * s
-                    if toward > ahead:
-                        ahead = toward
-                    if nx * away_x + ny * away_y < least:
-                        matters = True
+                line = received.lines.get(name) or self._line(received, name)
+                if line is not None:
+                    nx, ny, bound, _ = line
+                    if nx * x + ny * y + reach > bound:
+                        crossed.append(line)
+                        toward = -nx * c - ny * s
+                        if toward > ahead:
+                            ahead = toward
+                        if nx * away_x + ny * away_y < least:
+                            matters = True
             if not matters:
                 continue
             # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
@@ -292,11 +292,11 @@ class Knowledge:
 
 
 @lru_cache(maxsize=512)
-def _stretch_of(x: float, y: float, theta: float, v: float, body: Body, margin: float) -> Stretch:
+def _stretch_of(x: float, y: float, theta: float, v: float, body: Body, keep: float) -> Stretch:
     """Kept, because in a fleet in one process all robots ask for the same stretches."""
     far = stopping_distance(v, body)
     c, s = math.cos(theta), math.sin(theta)
-    return Stretch(x, y, x + far * c, y + far * s, v * c, v * s, body.radius + 0.5 * margin)
+    return Stretch(x, y, x + far * c, y + far * s, v * c, v * s, keep)
 
 
 def clearance(obstacle: Obstacle, points: Sequence[Point]) -> float:
@@ -314,6 +314,7 @@ def clearance(obstacle: Obstacle, points: Sequence[Point]) -> float:
 
 
 def _is_finite(snapshot: SharedSnapshot) -> bool:
-    return math.isfinite(snapshot.age + snapshot.stamp) and all(
-        math.isfinite(row.x + row.y + row.theta + row.v + row.omega + row.age) for row in snapshot.robots
-    )
+    total = snapshot.age + snapshot.stamp
+    for row in snapshot.robots:
+        total += row.x + row.y + row.theta + row.v + row.omega + row.age
+    return math.isfinite(total)

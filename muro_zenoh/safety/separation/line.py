@@ -42,22 +42,28 @@ def nearest_points(a: Stretch, b: Stretch) -> tuple[Point, Point]:
         a: one.
         b: the other.
     """
-    ax, ay, bx, by = a.x_end - a.x, a.y_end - a.y, b.x_end - b.x, b.y_end - b.y
-    best, found = math.inf, ((a.x, a.y), (b.x, b.y))
+    a_x, a_y, a_x_end, a_y_end, _, _, _ = a
+    b_x, b_y, b_x_end, b_y_end, _, _, _ = b
+    ax, ay, bx, by = a_x_end - a_x, a_y_end - a_y, b_x_end - b_x, b_y_end - b_y
+    best, found = math.inf, ((a_x, a_y), (b_x, b_y))
     cross = ax * by - ay * bx
     if cross != 0.0:
-        s = ((b.x - a.x) * by - (b.y - a.y) * bx) / cross
-        t = ((b.x - a.x) * ay - (b.y - a.y) * ax) / cross
+        s = ((b_x - a_x) * by - (b_y - a_y) * bx) / cross
+        t = ((b_x - a_x) * ay - (b_y - a_y) * ax) / cross
         if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
             return found
-    for x, y in ((a.x, a.y), (a.x_end, a.y_end)):
-        p = nearest_on(b.x, b.y, bx, by, x, y)
-        away = (p[0] - x) ** 2 + (p[1] - y) ** 2
+    elif ax == ay == bx == by == 0.0:  # both stand
+        return found
+    for x, y in ((a_x, a_y), (a_x_end, a_y_end)):
+        p = nearest_on(b_x, b_y, bx, by, x, y)
+        dx, dy = p[0] - x, p[1] - y
+        away = dx * dx + dy * dy
         if away < best:
             best, found = away, ((x, y), p)
-    for x, y in ((b.x, b.y), (b.x_end, b.y_end)):
-        p = nearest_on(a.x, a.y, ax, ay, x, y)
-        away = (p[0] - x) ** 2 + (p[1] - y) ** 2
+    for x, y in ((b_x, b_y), (b_x_end, b_y_end)):
+        p = nearest_on(a_x, a_y, ax, ay, x, y)
+        dx, dy = p[0] - x, p[1] - y
+        away = dx * dx + dy * dy
         if away < best:
             best, found = away, (p, (x, y))
     return found

@@ -129,7 +129,7 @@ def camera() -> None:
             for task in tasks:
                 task.cancel()
             await asyncio.wait(tasks)
-            seen = {(fix.name, fix.message.camera) for fix in fixes.drain()}
+            seen = {(fix.name, camera) for fix in fixes.drain() for camera in fix.message.camera.split("+")}
             assert seen == {(robot, name) for robot in wanted.robots for name in ("north", "south")}
 
     run_virtually(main())

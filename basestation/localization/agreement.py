@@ -1,0 +1,99 @@
+"""Whether the cameras still are where they were calibrated: by what two of them see of the same robot."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from statistics import median
+
+from muro_zenoh.geometry import Pose2, wrap_to_pi
+
+_WINDOW = 1.5
+"""Cameras are compared over this time [s] ..."""
+_LEAST = 12
+"""... and at least so many sightings."""
+_APART = 0.006
+"""Two cameras that see the robots this far apart disagree [m]; calibrated ones are within 1 to 3 mm."""
+_TURNED = math.radians(1.0)
+"""The same for the headings [rad]: the median of twelve of them is uncertain by a tenth of a degree, and more where
+their errors go together."""
+_JUMP = 0.005
+"""All robots of a camera jump by this from one frame to the next: the camera moved [m]. Their brakes allow 2.5 mm."""
+_JUMP_ALONE = 0.008
+"""The same for a camera that sees a single robot [m]."""
+
+
+class Agreement:
+    """Finds out which camera was moved.
+
+    Of two cameras that disagree about the robots that both see, the one was moved whose robots all jumped at once; when
+    neither's did, it may be either.
+
+    Attributes:
+        moved: why a camera is trusted less, by its name.
+    """
+
+    def __init__(self) -> None:
+        self.moved: dict[str, str] = {}
+        self._apart: dict[tuple[str, str], deque[tuple[float, float, float, float]]] = {}
+        self._jumped: dict[str, float] = {}
+
+    def compare(self, first: str, second: str, a: Pose2, b: Pose2, t: float) -> None:
+        """Take what two cameras see of one robot at one time.
+
+        Args:
+            first: name of a camera.
+            second: name of another one.
+            a: where the first sees the robot [world].
+            b: where the second does.
+            t: when [s].
+        """
+        if first > second:
+            first, second, a, b = second, first, b, a
+        row = self._apart.setdefault((first, second), deque(maxlen=400))
+        row.append((t, b.x - a.x, b.y - a.y, wrap_to_pi(b.theta - a.theta)))
+
+    def jumped(self, camera: str, steps: Sequence[tuple[float, float]], t: float) -> bool:
+        """Whether all robots of a camera have jumped at once: then it was the camera that moved.
+
+        Args:
+            camera: its name.
+            steps: of each robot from where its speed took it to where it was seen [m].
+            t: when [s].
+        """
+        if not steps:
+            return False
+        dx, dy = median(step[0] for step in steps), median(step[1] for step in steps)
+        limit = _JUMP_ALONE if len(steps) == 1 else _JUMP
+        off = [math.hypot(x - dx, y - dy) for x, y in steps]
+        if math.hypot(dx, dy) < limit or median(off) > 0.5 * math.hypot(dx, dy):
+            return False
+        self._jumped[camera] = t
+        return True
+
+    def judge(self, now: float) -> None:
+        """Decide anew which cameras were moved.
+
+        Args:
+            now: the time [s].
+        """
+        moved: dict[str, str] = {}
+        seen: set[str] = set()
+        for (first, second), row in self._apart.items():
+            while row and row[0][0] < now - _WINDOW:
+                row.popleft()
+            if len(row) < _LEAST:
+                continue
+            seen |= {first, second}
+            x, y, theta = (median(entry[k] for entry in row) for k in (1, 2, 3))
+            if math.hypot(x, y) < _APART and abs(theta) < _TURNED:
+                continue
+            off = f"{1e3 * math.hypot(x, y):.0f} mm and {math.degrees(abs(theta)):.1f} degrees"
+            a, b = self._jumped.get(first, -math.inf), self._jumped.get(second, -math.inf)
+            blamed = (first,) if a > b else (second,) if b > a else (first, second)
+            for camera in blamed:
+                other = second if camera == first else first
+                moved[camera] = f"camera {camera} is {off} off camera {other}: was it moved? Calibrate it anew"
+        # Without robots in the overlap nothing is known: what was found stays.
+        self.moved = {**{name: text for name, text in self.moved.items() if name not in seen}, **moved}
