@@ -53,6 +53,7 @@ class FleetTable:
         self._rows: dict[str, _Row] = {}
         self._motions: dict[str, Motion] = {}
         self._doubts = Doubts()
+        self._now = -math.inf
 
     def fix(self, name: str, pose: Pose2, captured: float) -> None:
         """Take what a camera saw.
@@ -68,12 +69,14 @@ class FleetTable:
             self._doubts.saw(name, pose, captured)
 
     def estimate(self, name: str, motion: Motion) -> None:
-        """Take a robot's own estimate.
+        """Take a robot's own estimate; of one that no camera has seen it is not kept, whoever sends it.
 
         Args:
             name: of the robot.
             motion: the estimate.
         """
+        if name not in self._rows:
+            return
         self._motions[name] = motion
         self._doubts.said(name, motion.v, motion.omega, motion.arrival)
 
@@ -104,6 +107,7 @@ class FleetTable:
         Args:
             now: the time to which ages are counted [s].
         """
+        self._note_time(now)
         found = {}
         for name, row in self._rows.items():
             motion = self._motions.get(name)
@@ -123,7 +127,17 @@ class FleetTable:
         Args:
             now: the time to which ages are counted [s].
         """
+        self._note_time(now)
         return tuple(self._state(name, row, now) for name, row in sorted(self._rows.items()))
+
+    def _note_time(self, now: float) -> None:
+        """When the clock was set back, nobody knows how old what is known is: all robots are lost until seen again."""
+        if now < self._now:
+            for row in self._rows.values():
+                row.captured = now - 2.0 * LOST_AFTER
+            self._motions.clear()
+            self._doubts = Doubts()
+        self._now = now
 
     def _state(self, name: str, row: _Row, now: float) -> RobotState:
         age = max(0.0, now - row.captured)

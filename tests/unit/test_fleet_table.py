@@ -138,3 +138,22 @@ def test_a_cleared_robot_is_gone_until_it_is_seen_again(table: FleetTable) -> No
     assert not table.clear("r1")
     table.fix("r1", HERE, 10.2)
     assert row(table, 10.2).v == 0.0  # its estimate was forgotten, too
+
+
+@pytest.mark.parametrize("back", [0.04, 0.2, 5.0])
+def test_when_the_clock_was_set_back_nothing_is_young(table: FleetTable, back: float) -> None:
+    assert row(table, 10.05).state == "tracking"
+    table.estimate("r1", moving(10.0))
+    lost = row(table, 10.05 - back)
+    assert (lost.state, lost.v, lost.x) == ("lost", 0.0, HERE.x)
+    assert table.doubts(10.05 - back) == {}
+    there = Pose2(1.1, 0.5, 0.2)
+    table.fix("r1", there, 10.06 - back)
+    assert (row(table, 10.07 - back).state, row(table, 10.07 - back).x) == ("tracking", 1.1)
+
+
+def test_estimates_of_robots_that_no_camera_sees_are_not_kept(table: FleetTable) -> None:
+    """A stranger with ever new names must not fill the memory."""
+    for number in range(1000):
+        table.estimate(f"x{number}", moving(10.0))
+    assert len(table._motions) + len(table._doubts._robots) <= 2
