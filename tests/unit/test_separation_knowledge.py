@@ -93,7 +93,7 @@ def test_a_foreign_robot_is_as_large_as_the_largest() -> None:
 
 @pytest.mark.parametrize("back", [0.2, 0.4, 5.0])
 def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) -> None:
-    """Its times lie ahead of the clock: it would be fresh, and all that comes would be older, until they are reached."""
+    """Its times lie ahead of the clock: it would be fresh, and all that comes would be older than it."""
     known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
 
     def learn(now: float, sent: float, x: float) -> str:
