@@ -17,6 +17,10 @@ STALE_AFTER = TIMEOUTS.pose
 LOST_AFTER = 2.0
 """... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
 
+_COMES_TO_REST = 1.0
+"""A robot that says nothing any more may still move for this time [s]: until the dead-man acts or its pose is too old,
+and then it brakes. Its last speeds count until then."""
+
 _DISTANCE = 0.25
 _ANGLE = 0.6
 """An estimate agrees with the fix when it is within this of it [m], [rad], plus how far the robot moved since."""
@@ -144,10 +148,11 @@ class FleetTable:
         motion = self._motions.get(name)
         v = omega = 0.0
         state: RobotStatus = "tracking"
-        if motion is not None and now - motion.arrival <= channels.ESTIMATE.stale_after:
+        silent = now - motion.arrival if motion is not None else math.inf
+        if motion is not None and silent <= _COMES_TO_REST:
             if _agree(row, motion):
                 v, omega = motion.v, motion.omega
-            else:
+            elif silent <= channels.ESTIMATE.stale_after:
                 state = "disagrees"
         if age > self._stale_after:
             state = "lost" if age > LOST_AFTER else "stale"

@@ -97,6 +97,14 @@ def test_an_old_estimate_is_ignored(table: FleetTable) -> None:
     assert (state.state, state.v) == ("tracking", 0.0)
 
 
+@pytest.mark.parametrize(("silent", "speed"), [(0.3, 0.2), (0.5, 0.2), (0.9, 0.2), (1.1, 0.0)])
+def test_a_robot_that_has_fallen_silent_does_not_stand_at_once(table: FleetTable, silent: float, speed: float) -> None:
+    """Its agent was killed, or cut off: it drives on until the dead-man acts, or its pose is too old, and brakes."""
+    table.estimate("r1", moving(10.0))
+    table.fix("r1", Pose2(1.05, 0.5, 0.2), 10.0 + silent - 0.05)
+    assert (row(table, 10.0 + silent).state, row(table, 10.0 + silent).v) == ("tracking", speed)
+
+
 @pytest.mark.parametrize(
     "elsewhere", [Pose2(1.4, 0.5, 0.2), Pose2(1.0, 0.5, 1.2), Pose2(-1.0, -0.5, 0.2)], ids=["place", "heading", "far"]
 )

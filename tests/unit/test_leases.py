@@ -83,6 +83,14 @@ def test_the_holders_other_programs_may_order_and_not_take_it_over() -> None:
         station.take(2, "r1", operator="alice@lab")
 
 
+def test_a_robot_that_is_named_often_is_held_once() -> None:
+    station = Station()
+    station.take(1, *("r1", "r2") * 10_000)
+    assert station.kept[-1][0].names == ("r1", "r2")
+    station.take(1, *("r1", "r2") * 10_000)
+    assert len(station.kept) == 1
+
+
 def test_a_lease_without_an_operator_admits_nobody_without_one() -> None:
     lease = Lease(program="x", operator="", epoch=1, since=0.0)
     assert not lease.admits(Goal(x=0.0, y=0.0, epoch=2))
