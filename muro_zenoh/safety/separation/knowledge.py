@@ -87,6 +87,7 @@ class Knowledge:
         self._received: deque[_Received] = deque()
         self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
+        self._now = -math.inf
         self._me: RobotSeen | None = None
         own = body.radius + settings.margin
         self._mates = {
@@ -110,6 +111,9 @@ class Knowledge:
         Returns:
             Why the robot must not drive on what it knows; empty when it may.
         """
+        if now < self._now:  # the clock was set back: nobody knows how old what is known is
+            self._received.clear()
+        self._now = now
         if snapshot is None or not math.isfinite(snapshot.age):
             return "no fresh positions"
         if not self._has(snapshot):
