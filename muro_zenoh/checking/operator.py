@@ -35,8 +35,8 @@ class Report(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``; None when no answer came: it may have
-    been."""
+    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``; None when no answer came: it may
+    have been."""
 
     time: float
     order: OrderRow
