@@ -87,6 +87,7 @@ class Knowledge:
         self._received: deque[_Received] = deque()
         self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
+        self._now = -math.inf
         self._me: RobotSeen | None = None
         own = body.radius + settings.margin
         self._mates = {
@@ -110,6 +111,9 @@ class Knowledge:
         Returns:
             Why the robot must not drive on what it knows; empty when it may.
         """
+        if now < self._now:  # the clock was set back: nobody knows how old what is known is
+            self._received.clear()
+        self._now = now
         if snapshot is None or not math.isfinite(snapshot.age):
             return "no fresh positions"
         if not self._has(snapshot):
@@ -202,9 +206,10 @@ class Knowledge:
             line = self._line(newest, row.name)
             if line is not None and line[0] * x + line[1] * y + reach > line[2]:
                 found.append(line)
-            top = max(body.v_max, abs(row.v))
+            speed = abs(row.v)  # it may come backwards
+            top = max(body.v_max, speed)
             if free <= reach + top * (span + row.age + body.lag) + 0.5 * top * top / body.brake:
-                comes = travel_toward(row.v, 0.0, body, span + row.age)
+                comes = travel_toward(speed, 0.0, body, span + row.age)
                 if free <= reach + comes:
                     self._older_lines(x, y, reach, row, mate, comes, older, found)
         return found
