@@ -33,6 +33,10 @@ _PAUSE = 0.5
 still be on its way, or lost."""
 
 
+_MOST_NAMES = 1000
+"""Stopped robots that are remembered at most: a stranger with ever new names must not fill the memory."""
+
+
 class Surroundings(NamedTuple):
     """What was received from other processes, at one moment: the ``circle``; the ``speed`` on ``velocity/<name>``
     [m/s], None when stale, and its age [s]; the ``snapshot`` of all robots, None when stale, and its age [s]."""
@@ -174,9 +178,9 @@ class ControlLoop:
         if age <= _PAUSE and order.revision == self.latch.revision:
             self._paused = 0.0
         # A newer order is the whole state; any other one stops more robots.
-        self.stopped_names = (
-            names.union(order.names) if self.latch.revision == latch.revision else frozenset(order.names)
-        )
+        known = names if self.latch.revision == latch.revision else frozenset()
+        new = [name for name in dict.fromkeys(order.names) if name not in known]
+        self.stopped_names = known.union(new[: _MOST_NAMES - len(known)])
         self.changed |= (self.latch, self.stopped_names) != before
         out: Outgoing = []
         if not self.latch.may_drive and not self._ended:

@@ -123,13 +123,13 @@ class Listener:
         )
 
 
-def _fresh(inbox: Latest[Any] | None, now: float, limit: float | None) -> tuple[Received[Any] | None, float]:
+def _fresh(inbox: Latest[Any] | None, now: float, limit: float) -> tuple[Received[Any] | None, float]:
     """The newest message unless it is stale, and its age."""
     received = inbox.get() if inbox is not None else None
     if received is None:
         return None, math.inf
     age = received.age(now)
-    return (received if limit is None or age <= limit else None), age
+    return (received if age <= limit else None), age
 
 
 class Signals:

@@ -320,6 +320,10 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
         {"robots": 1, "timeouts": {"command": 0.5}},
         "lab.toml: separation.hold: got 0.35 [s], expected at least 0.55: timeouts.command, and one period of 0.05 s",
     ),
+    "two ages of the positions": (
+        {"robots": 1, "timeouts": {"snapshot": 1.0}},
+        "lab.toml: separation.snapshot_limit: got 0.5 [s], expected timeouts.snapshot, 1: how old the positions may be",
+    ),
 }
 
 

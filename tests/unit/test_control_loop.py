@@ -91,6 +91,18 @@ def test_a_behaviour_that_is_a_task_of_its_own_is_the_first_to_see_that_the_cloc
     assert commands(loop.want(T0 - back, FORWARD)) != [(0.0, 0.0)]
 
 
+def test_ever_new_names_in_stop_orders_do_not_fill_the_memory() -> None:
+    loop = ControlLoop("r1", ROBOT)
+    for order in range(50):
+        loop.take_stop(T0, StopOrder(all=False, names=tuple(f"x{100 * order + number}" for number in range(100))))
+    assert len(loop.stopped_names) == 1000
+    loop.take_stop(T0, StopOrder(all=False, names=("r1", *(f"y{number}" for number in range(2000)))))
+    assert len(loop.stopped_names) == 1000
+    assert loop.latch.stopped
+    loop.take_stop(T0, StopOrder(all=False, names=("r1",), revision=3))
+    assert loop.stopped_names == {"r1"}
+
+
 def test_how_old_a_pose_may_be_and_when_a_command_is_repeated_are_settings() -> None:
     loop = ControlLoop("r1", ROBOT, Timeouts(pose=0.5, command=0.6))
     loop.take_stop(T0, StopOrder(all=False, revision=5))
