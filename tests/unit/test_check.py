@@ -108,6 +108,15 @@ class TestAStudentsBehaviour:
         output = check("turning.py", "--quick", "--trials", "2", "--duration", "3", "--jobs", "2", code=0)
         assert "may drive (2 trials of 3 s, no promise broken" in output
 
+    def test_the_command_of_the_smallest_trial_finds_it(self) -> None:
+        Path("mine").mkdir()
+        Path("mine/dividing.py").write_text("def divide(robot):\n    return 1.0 / (robot.now - robot.now), 0.0\n")
+        short = ["--robots", "1", "--duration", "1", "--replay", "1", "--shrink"]
+        check("mine/dividing.py", *short, "--out", "smallest", code=1)
+        command = Path("smallest/seed-1.toml").read_text().split("\n")[2].removeprefix("#").split()
+        assert command[0] == f"PYTHONPATH={Path('mine').resolve()}"
+        assert command[1:4] == ["muro", "check", "smallest/seed-1.toml"]
+
     def test_that_fails(self) -> None:
         Path("failing.py").write_text("def divide(robot):\n    return 1.0 / (robot.now - robot.now), 0.0\n")
         output = check("failing.py", "--quick", "--trials", "1", "--duration", "2", "--jobs", "1", code=1)
@@ -122,7 +131,8 @@ class TestAStudentsBehaviour:
         (["rendom"], "got 'rendom', which is not a file"),
         (["random", "--robots", "3"], "everything in a random trial is drawn from its seed"),
         (["random", "--json", "nowhere/c.json"], "whose folder cannot be written to"),
-        (["other.py"], "expected a Python file"),
+        (["rendom"], "steer, random, FILE.py[:function]. Did you mean random?"),
+        (["other.py"], "other.py: got No such file or directory, expected a Python file"),
         (["random", "--trials", "0"], "--trials"),
     ],
 )
