@@ -110,9 +110,8 @@ class ControlLoop:
         """
         if self._ended:
             return []
-        if math.isfinite(self._updated) and now < self._updated:
-            self._forget()
-        elif now - self._updated > _PAUSE:
+        self._note_time(now)
+        if now - self._updated > _PAUSE:
             self._paused = now - self._updated
         self._updated, self._around = now, around
         self.tracking.take(now, fixes, odometry)
@@ -155,6 +154,7 @@ class ControlLoop:
         """
         out: Outgoing = []
         if not self._ended:
+            self._note_time(now)
             self._intend(now, intent, out)
             self._command(now, out)
         return out
@@ -194,11 +194,12 @@ class ControlLoop:
         self._ended = True
         return out
 
-    def _forget(self) -> None:
-        """The clock was set back: nobody knows how old what is known is."""
-        self.tracking.forget()
-        self._estimate = None
-        self._intended = self._sent = self._calibrated = -math.inf
+    def _note_time(self, now: float) -> None:
+        """When the clock was set back, nobody knows how old what is known is: it is forgotten."""
+        if now < self._updated < math.inf:
+            self._updated, self._around, self._estimate = now, Surroundings(), None
+            self._intended = self._sent = self._calibrated = -math.inf
+            self.tracking.forget()
 
     # ---- from fix to state
 

@@ -47,7 +47,7 @@ class Station:
         leases = Leases(self.store.state.leases, bus.clock.now(), self.store.keep_leases)
         self._kept = KeptStateTask(bus, self.store, leases)
         self._orders = OrdersTask(bus, self.store, self._kept, leases, self._positions)
-        self._bases = BasesTask(bus, self._positions.doubted)
+        self._bases = BasesTask(bus, scenario.robots, self._positions.doubted)
         self._health = HealthTask(
             bus, self._kept, self._positions, self._bases, scenario.robots, tuple(scenario.camera)
         )

@@ -6,6 +6,7 @@ heading and is shorter than the arc by ``sinc(turn / 2)``: exact for any turn. F
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from muro_zenoh import elementwise
@@ -23,6 +24,9 @@ def chord(theta: Any, length: Any, half: Any) -> tuple[Any, Any, Any]:
     Returns:
         Length of the chord [m], below 0 backwards; cosine and sine of its direction [world].
     """
+    if isinstance(theta, float):  # written out: an agent's filter asks for it some hundred times a second
+        along = theta + half
+        return length * (math.sin(half) / half if half else 1.0), math.cos(along), math.sin(along)
     xp = elementwise.of(theta)
     sin, cos = xp.sincos(theta + half)
     return length * xp.sinc(half), cos, sin

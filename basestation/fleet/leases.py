@@ -62,7 +62,7 @@ class Leases:
             program=order.program,
             operator=order.operator,
             epoch=order.epoch,
-            names=order.names,
+            names=tuple(dict.fromkeys(order.names)),
             since=mine.since if mine is not None else now,
         )
         if lease != mine:

@@ -15,8 +15,8 @@ import msgspec
 from basestation.fleet.kept_state import KeptState
 from muro_zenoh.errors import ConfigError
 
-_THREADS = 2
-"""A change of circle or behaviour is written by one thread at a time; stops have the other one."""
+_THREADS = 3
+"""A change of circle or behaviour is written by one thread at a time, and so are leases; stops have the third one."""
 
 
 class StateFile:

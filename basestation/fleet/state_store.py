@@ -16,6 +16,7 @@ import msgspec
 from basestation.fleet.kept_state import KeptState
 from basestation.fleet.state_file import StateFile
 from muro_zenoh.config import Scenario
+from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Behaviour, Circle, Health, Lease, Resume, SetBehaviour, SetCircle, Stop, StopOrder
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,8 @@ class StateStore:
         self._scenario = scenario
         self._file = StateFile(path) if path is not None else None
         self._changing = asyncio.Lock()
+        self._unsaved_leases = False
+        self._saving_leases: asyncio.Task[None] | None = None
         known = (self._file.read() if self._file is not None else None) or KeptState.initial(scenario)
         self.state = known.fitted_to(scenario)
         if self.state is not known and self._file is not None:
@@ -48,6 +51,9 @@ class StateStore:
 
     def close(self) -> None:
         """End the threads that write the file; a second time does nothing."""
+        if self._saving_leases is not None:
+            self._saving_leases.cancel()
+            self._saving_leases = None
         if self._file is not None:
             self._file.close()
 
@@ -111,12 +117,16 @@ class StateStore:
     def keep_leases(self, leases: tuple[Lease, ...]) -> None:
         """Keep the leases, for a base station that starts anew; one that cannot be written holds all the same.
 
+        They are written one after the other, and only the newest: a program that asks for ever other robots must
+        neither fill the memory nor keep a stop waiting for the disk.
+
         Args:
             leases: all that are in force.
         """
         self.state = msgspec.structs.replace(self.state, leases=leases)
-        writing = asyncio.ensure_future(self._written(self.state))
-        writing.add_done_callback(_log_failure)
+        self._unsaved_leases = True
+        if self._saving_leases is None:
+            self._saving_leases = asyncio.create_task(self._save_leases(), name="save the leases")
 
     # ---- changes: they hold when they are on the disk
 
@@ -158,6 +168,15 @@ class StateStore:
 
     # ---- inside
 
+    async def _save_leases(self) -> None:
+        while self._unsaved_leases:
+            self._unsaved_leases = False
+            try:
+                await self._written(self.state)
+            except ConfigError as error:
+                log.error("the leases hold, but are not saved: %s", error)
+        self._saving_leases = None
+
     def _hold(self, new: KeptState) -> Awaitable[None]:
         self.state = new
         return self._written(new)
@@ -180,8 +199,3 @@ class StateStore:
         done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         done.set_result(None)
         return done
-
-
-def _log_failure(writing: asyncio.Future[None]) -> None:
-    if not writing.cancelled() and (error := writing.exception()) is not None:
-        log.error("the leases hold, but are not saved: %s", error)

@@ -17,6 +17,10 @@ STALE_AFTER = TIMEOUTS.pose
 LOST_AFTER = 2.0
 """... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
 
+_COMES_TO_REST = 1.0
+"""A robot that says nothing any more may still move for this time [s]: until the dead-man acts or its pose is too old,
+and then it brakes. Its last speeds count until then."""
+
 _DISTANCE = 0.25
 _ANGLE = 0.6
 """An estimate agrees with the fix when it is within this of it [m], [rad], plus how far the robot moved since."""
@@ -53,6 +57,7 @@ class FleetTable:
         self._rows: dict[str, _Row] = {}
         self._motions: dict[str, Motion] = {}
         self._doubts = Doubts()
+        self._now = -math.inf
 
     def fix(self, name: str, pose: Pose2, captured: float) -> None:
         """Take what a camera saw.
@@ -68,12 +73,14 @@ class FleetTable:
             self._doubts.saw(name, pose, captured)
 
     def estimate(self, name: str, motion: Motion) -> None:
-        """Take a robot's own estimate.
+        """Take a robot's own estimate; of one that no camera has seen it is not kept, whoever sends it.
 
         Args:
             name: of the robot.
             motion: the estimate.
         """
+        if name not in self._rows:
+            return
         self._motions[name] = motion
         self._doubts.said(name, motion.v, motion.omega, motion.arrival)
 
@@ -104,6 +111,7 @@ class FleetTable:
         Args:
             now: the time to which ages are counted [s].
         """
+        self._note_time(now)
         found = {}
         for name, row in self._rows.items():
             motion = self._motions.get(name)
@@ -123,17 +131,28 @@ class FleetTable:
         Args:
             now: the time to which ages are counted [s].
         """
+        self._note_time(now)
         return tuple(self._state(name, row, now) for name, row in sorted(self._rows.items()))
+
+    def _note_time(self, now: float) -> None:
+        """When the clock was set back, nobody knows how old what is known is: all robots are lost until seen again."""
+        if now < self._now:
+            for row in self._rows.values():
+                row.captured = now - 2.0 * LOST_AFTER
+            self._motions.clear()
+            self._doubts = Doubts()
+        self._now = now
 
     def _state(self, name: str, row: _Row, now: float) -> RobotState:
         age = max(0.0, now - row.captured)
         motion = self._motions.get(name)
         v = omega = 0.0
         state: RobotStatus = "tracking"
-        if motion is not None and now - motion.arrival <= channels.ESTIMATE.stale_after:
+        silent = now - motion.arrival if motion is not None else math.inf
+        if motion is not None and silent <= _COMES_TO_REST:
             if _agree(row, motion):
                 v, omega = motion.v, motion.omega
-            else:
+            elif silent <= channels.ESTIMATE.stale_after:
                 state = "disagrees"
         if age > self._stale_after:
             state = "lost" if age > LOST_AFTER else "stale"

@@ -93,7 +93,7 @@ class HealthTask:
             reasons += complaints
         reasons += self._positions.unbelieved()
         reasons += self._positions.doubts.values()
-        reasons += self._bases.reasons.values()
+        reasons += self._bases.reasons()
         return tuple(reasons)
 
     def _missing_sightings(self, now: float) -> list[str]:

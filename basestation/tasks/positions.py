@@ -68,7 +68,7 @@ class PositionsTask:
         """Publish all positions also while there are no frames, because their ages grow."""
         while True:
             silent = self._clock.now() - self._published
-            if silent >= _LONGEST_PERIOD:
+            if not 0.0 <= silent < _LONGEST_PERIOD:  # or the clock was set back
                 self._publish_all()
                 silent = 0.0
             await asyncio.sleep(_LONGEST_PERIOD - silent)
@@ -135,10 +135,11 @@ class PositionsTask:
         self._publish_all()
 
     def _publish_all(self) -> None:
+        now = self._published = self._clock.now()
         for name, estimate in self._estimates.values().items():
             m = estimate.message
-            self._table.estimate(name, Motion(m.pose, m.v, m.omega, estimate.captured()))
-        now = self._published = self._clock.now()
+            if estimate.age(now) <= channels.ESTIMATE.stale_after:
+                self._table.estimate(name, Motion(m.pose, m.v, m.omega, min(estimate.captured(), now)))
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
         before, self.doubts = self.doubts, self._table.doubts(now)
         if self.doubts.keys() - before.keys():

@@ -98,7 +98,8 @@ def stop(record: Record) -> Judgement:
     """
     evaluated, breaches = 0, []
     driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
-    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted]
+    # One without an answer may have been accepted: the answer was lost.
+    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted is not False]
     for i, name in enumerate(record.names):
         deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
         for first, _ in episodes(record.latched[:, i]):

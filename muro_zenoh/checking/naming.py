@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
+
+import numpy as np
 
 from muro_zenoh.checking.judgement import Breach, Judgement
 from muro_zenoh.checking.record import Effect, Record
-from muro_zenoh.config.faults import Place
+from muro_zenoh.config.faults import LieFault, Place
 
 NAMED_WITHIN: Final = 1.0
 """A disturbed robot is named on health within this time [s]."""
+
+_ELSEWHERE: Final = 0.35
+_TURNED: Final = 0.9
+"""A robot that repeats an old estimate is not where it says when it is off by more than this [m], [rad]: what the base
+station lets pass (0.25 m, 0.6 rad), and what a robot drives while its estimate is under way."""
+
+_SHORTEST: Final = 0.4
+"""The shortest lie of a trial [s]."""
 
 
 def named(record: Record) -> Judgement:
@@ -23,22 +34,35 @@ def named(record: Record) -> Judgement:
         if effect.fault.kind not in ("carry", "lie", "foreign_driver") or _is_hampered(record, effect):
             continue
         for name in effect.robots:
-            if effect.start + NAMED_WITHIN > record.time[-1]:
+            start = _wrong_from(record, name, effect)
+            if start + NAMED_WITHIN > record.time[-1]:
                 continue
             evaluated += 1
-            if not _is_named(record, name, effect.start):
+            if not _is_named(record, name, effect.start, start + NAMED_WITHIN):
                 what = f"nobody has named {name} ({effect.fault.kind}) for {NAMED_WITHIN:g} s"
-                breaches.append(Breach("named", effect.start + NAMED_WITHIN, (name,), what))
+                breaches.append(Breach("named", start + NAMED_WITHIN, (name,), what))
     return Judgement(evaluated, tuple(breaches))
 
 
-def _is_named(record: Record, name: str, start: float) -> bool:
-    """Whether a new reason about a robot was reported."""
+def _wrong_from(record: Record, name: str, effect: Effect) -> float:
+    """From when a robot is not what it says. One that repeats its last right estimate lies only once it is elsewhere;
+    infinite when it never was, for as long as any lie lasts."""
+    if not isinstance(effect.fault, LieFault) or not effect.fault.stuck:
+        return effect.start
+    i, first = record.names.index(name), int(np.searchsorted(record.time, effect.start))
+    last = int(np.searchsorted(record.time, effect.end - _SHORTEST))
+    off = record.pose[first:last, i] - record.pose[first, i]
+    wrong = (np.hypot(off[:, 0], off[:, 1]) > _ELSEWHERE) | (np.abs(np.angle(np.exp(1j * off[:, 2]))) > _TURNED)
+    return float(record.time[first + int(np.argmax(wrong))]) if wrong.any() else math.inf
+
+
+def _is_named(record: Record, name: str, start: float, end: float) -> bool:
+    """Whether a reason about a robot was reported that was not there before."""
     before: dict[str, tuple[str, ...]] = {}
     for report in record.reports:
         if report.time <= start:
             before[report.process] = report.reasons
-        elif report.time <= start + NAMED_WITHIN:
+        elif report.time <= end:
             known = {_words(reason) for reason in before.get(report.process, ())}
             for reason in report.reasons:
                 if name in _words(reason) and _words(reason) not in known:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from typing import NamedTuple
 
 from muro_zenoh import channels
@@ -34,11 +35,12 @@ class Report(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``."""
+    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``; None when no answer came: it may
+    have been."""
 
     time: float
     order: OrderRow
-    accepted: bool
+    accepted: bool | None
 
 
 class Operator:
@@ -70,8 +72,13 @@ class Operator:
 
     async def _hear(self, fleet: VirtualFleet) -> None:
         before: dict[str, tuple[object, ...]] = {}
+        newest: dict[tuple[str, int], int] = {}
         async for received in fleet.operator.every(channels.HEALTH, "*", depth=4096):
             health = received.message
+            writer = received.name, health.epoch
+            if health.seq <= newest.get(writer, 0):
+                continue  # on its way it was overtaken or doubled: what it says is no longer so
+            newest[writer] = health.seq
             said = health.reasons, health.failure, health.stop_latched
             if before.get(received.name) != said:
                 before[received.name] = said
@@ -79,13 +86,13 @@ class Operator:
 
     async def _give(self, fleet: VirtualFleet, order: OrderRow) -> None:
         await asyncio.sleep(order.at - fleet.elapsed)
-        given = fleet.elapsed
-        try:
-            accepted = await _GIVE[order.kind](fleet.operator, order, self._scenario)
-        except MuroError:
-            accepted = False  # nobody answered
         # A resume lifts a stop as soon as it is given: what came of it is known later.
-        self.orders.append(Ordered(given, order, accepted))
+        given, accepted = fleet.elapsed, None
+        try:
+            with contextlib.suppress(MuroError):  # nobody answered
+                accepted = await _GIVE[order.kind](fleet.operator, order, self._scenario)
+        finally:
+            self.orders.append(Ordered(given, order, accepted))
 
 
 async def _stop(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:

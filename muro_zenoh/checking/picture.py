@@ -111,7 +111,7 @@ def story(record: Record, breaches: Sequence[Breach]) -> list[str]:
             lines.append((effect.end, f"{what} is over"))
     for given in record.orders:
         order = given.order
-        answer = "" if given.accepted else " (not accepted)"
+        answer = {True: "", False: " (not accepted)", None: " (no answer)"}[given.accepted]
         whom = " ".join(order.robots) or "all robots"
         lines.append((given.time, f"order: {order.behaviour or order.kind} for {whom}{answer}"))
     lines += [(breach.time, f"BROKEN: {breach.what} [{breach.promise}]") for breach in breaches]

@@ -14,7 +14,8 @@ driven into (B)
     moves touches it.
 named (B)
     Every robot that is carried, lies or is driven by somebody else: within 1 s of the first effect a health report has
-    a reason with its name that it did not have before. Not where another fault, at that time, befalls what the report
+    a reason with its name that it did not have before. One that repeats its last right estimate lies from when it is
+    0.35 m or 0.9 rad from there. Not where another fault, at that time, befalls what the report
     needs: the robot, its processes, the base station, a camera or the router.
 blind (C)
     Every robot that nobody else drives, at every sample: its wheels are commanded zero when the last good information
@@ -27,8 +28,8 @@ braking (C)
     Every stop of an undisturbed robot that was commanded zero until it stood: from then on it travelled no further than
     its braking distance, at the speed that it had.
 stop
-    Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume is accepted
-    or the agent dies.
+    Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume is given and
+    not refused, or the agent dies.
 inside
     Every robot, at every sample: its body is inside the arena. One that was disturbed, from when it has been in once.
 behaves

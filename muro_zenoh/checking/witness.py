@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import bisect
+from array import array
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,8 +23,8 @@ class _Arrivals:
     """When messages arrived, and from when what they say is [s, loop]."""
 
     def __init__(self) -> None:
-        self.arrived: list[float] = []
-        self.known: list[float] = []
+        self.arrived = array("d")  # a list would keep a float each
+        self.known = array("d")
 
     def add(self, arrived: float, since: float) -> None:
         self.arrived.append(arrived)
@@ -61,8 +62,8 @@ class Witnesses:
         self._poses = {name: _Arrivals() for name in robots}
         self._snapshots = {name: _Arrivals() for name in robots}
         self._commands = {name: _Arrivals() for name in robots}
-        self._looked: list[float] = []
-        self._taken: list[float] = []
+        self._looked = array("d")
+        self._taken = array("d")
 
     def located(self, taken: float) -> None:
         """The base station has located the robots in a picture.

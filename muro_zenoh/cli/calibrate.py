@@ -10,7 +10,11 @@ from muro_zenoh.cli.group import MuroGroup
 from muro_zenoh.cli.options import example
 
 
-@click.group(cls=MuroGroup, lazy={"arena": "muro_zenoh.cli.calibrate:arena"})
+@click.group(
+    cls=MuroGroup,
+    lazy={"arena": "muro_zenoh.cli.calibrate:arena"},
+    epilog=example("muro calibrate arena lab.toml north --marks marks.csv --out north.toml"),
+)
 def calibrate() -> None:
     """Find out where the cameras are, with the error in millimetres on the floor."""
 

@@ -149,7 +149,7 @@ class WheelTrack:
                     part = (end - t) / (t1 - t)
                     t1, v1, omega1 = end, v + part * (v1 - v), omega + part * (omega1 - omega)
                 dt = t1 - t
-                driven = 0.5 * min(dt, _SILENCE)
+                driven = 0.5 * (dt if dt < _SILENCE else _SILENCE)
                 if span + dt > LONGEST_ARC and span > 0.0:
                     arcs.append((distance / span, angle / span, span))
                     distance = angle = span = 0.0

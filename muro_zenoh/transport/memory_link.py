@@ -12,14 +12,14 @@ import contextlib
 import contextvars
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Final, TypeVar
+from functools import partial
+from typing import Final
 
 from muro_zenoh.channels import Priority
+from muro_zenoh.transport.key_expressions import matches
 from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
 from muro_zenoh.transport.memory_faults import Deliver, Trouble, Way
-
-T = TypeVar("T")
+from muro_zenoh.transport.memory_presence import Presence
 
 LEASE: Final = 2.0
 """After this silence a link counts as closed: its tokens are gone, and it sees no others' [s]."""
@@ -27,21 +27,6 @@ LEASE: Final = 2.0
 
 Witness = Callable[[str, float], None]
 """Called with the key of a sample, and with when it was sent [s, loop], as it reaches a reader."""
-
-
-@lru_cache(maxsize=8192)
-def matches(expression: str, key: str) -> bool:
-    """Whether a key is in a key expression: ``*`` stands for one chunk, ``**`` for any number of them."""
-    return _match(expression.split("/"), key.split("/"))
-
-
-def _match(expression: list[str], key: list[str]) -> bool:
-    if not expression:
-        return not key
-    head, rest = expression[0], expression[1:]
-    if head == "**":
-        return any(_match(rest, key[i:]) for i in range(len(key) + 1))
-    return bool(key) and head in ("*", key[0]) and _match(rest, key[1:])
 
 
 @dataclass(slots=True, eq=False)
@@ -56,23 +41,6 @@ class _Reader:
         if self.witness is not None:
             self.witness(key, sent)
         self.file(key, payload, encoding)
-
-
-@dataclass(slots=True, eq=False)
-class _Watcher:
-    link: MemoryLink
-    expression: str
-    file: FileToken
-    shown: dict[str, None]
-    heard: dict[str, None]
-
-    def hear(self, key: str, there: bool) -> None:
-        """Take news that has arrived."""
-        if there:
-            self.heard[key] = None
-        else:
-            self.heard.pop(key, None)
-        self.link.run(self.file, key, there)
 
 
 class MemoryNetwork:
@@ -94,8 +62,7 @@ class MemoryNetwork:
         self._readers: list[_Reader] = []
         self._readers_of: dict[str, tuple[_Reader, ...]] = {}
         self._kept: dict[str, tuple[_Publisher, bytes, str | None]] = {}
-        self._tokens: list[tuple[str, MemoryLink]] = []
-        self._watchers: list[_Watcher] = []
+        self._presence = Presence(lambda link, deliver: self.carry(None, link, deliver, reliable=True))
         self._answers: list[tuple[str, MemoryLink, Callable[[Question], None]]] = []
 
     def link(self, *computers: str, witnesses: Mapping[str, Witness] | None = None) -> MemoryLink:
@@ -186,7 +153,7 @@ class MemoryNetwork:
         """Every link counts as closed, because the router is gone."""
         for link in self._links:
             link.lapsed = True
-        self._announce()
+        self._presence.announce()
 
     def _subscribe(self, reader: _Reader) -> None:
         self._readers.append(reader)
@@ -195,39 +162,6 @@ class MemoryNetwork:
     def _unsubscribe(self, gone: Callable[[_Reader], bool]) -> None:
         self._readers = [reader for reader in self._readers if not gone(reader)]
         self._readers_of.clear()
-
-    def _announce(self) -> None:
-        """Tell each watcher which tokens have come and gone."""
-        for watcher in self._watchers:
-            self._show(watcher)
-
-    def _show(self, watcher: _Watcher) -> None:
-        there = {
-            key: None
-            for key, link in self._tokens
-            # Two processes may declare the same token: it is gone when both are.
-            if matches(watcher.expression, key) and _sees(watcher, key, link)
-        }
-        if watcher.link.silent and not watcher.link.lapsed:
-            there = {**watcher.shown, **there}  # of what goes it does not hear either
-        gone = [(key, False) for key in watcher.shown if key not in there]
-        come = [(key, True) for key in there if key not in watcher.shown]
-        for news in (*gone, *come):
-            deliver = partial(watcher.hear, *news)
-            if watcher.link.lapsed:
-                watcher.link.receive(deliver)  # its own end of the link reports that it is closed
-            else:
-                self.carry(None, watcher.link, deliver, reliable=True)
-        watcher.shown = there
-
-
-def _sees(watcher: _Watcher, key: str, link: MemoryLink) -> bool:
-    """Whether a link's token is shown to a watcher: silence shows no change until the lease has run out."""
-    if link is watcher.link:
-        return True
-    if link.lapsed or watcher.link.lapsed:
-        return False
-    return key in watcher.shown if link.silent or watcher.link.silent else True
 
 
 @dataclass(slots=True)
@@ -389,15 +323,12 @@ class MemoryLink:
             loop.call_later(LEASE, self._lapse, self._silences, context=contextvars.Context())
             return
         self.lapsed = False
-        for watcher in self.network._watchers:
-            if watcher.link is self:
-                watcher.shown = dict(watcher.heard)  # news under way may have been lost
-        self.network._announce()
+        self.network._presence.announce_again(self)
 
     def _lapse(self, silence: int) -> None:
         if silence == self._silences and not self.closed:
             self.lapsed = True
-            self.network._announce()
+            self.network._presence.announce()
 
     # ---- the link
 
@@ -419,31 +350,20 @@ class MemoryLink:
         return self._backlog is not None
 
     def declare_token(self, key: str) -> Closable:
-        token = (key, self)
-        self.network._tokens.append(token)
-        self.network._announce()
-        return _Undo(lambda: self._drop_token(token))
-
-    def _drop_token(self, token: tuple[str, MemoryLink]) -> None:
-        if token in self.network._tokens:
-            self.network._tokens.remove(token)
-            self.network._announce()
+        return _Undo(self.network._presence.declare(key, self))
 
     def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
-        watcher = _Watcher(self, key_expr, file, {}, {})
-        self.network._watchers.append(watcher)
-        self.network._show(watcher)
-        return _Undo(lambda: self._forget(self.network._watchers, watcher))
-
-    @staticmethod
-    def _forget(entries: list[T], entry: T) -> None:
-        if entry in entries:  # not once the link has left
-            entries.remove(entry)
+        return _Undo(self.network._presence.watch(key_expr, self, file))
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         entry = (key, self, file)
         self.network._answers.append(entry)
-        return _Undo(lambda: self._forget(self.network._answers, entry))
+
+        def forget() -> None:
+            if entry in self.network._answers:  # not once the link has left
+                self.network._answers.remove(entry)
+
+        return _Undo(forget)
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
         answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
@@ -481,10 +401,8 @@ class MemoryLink:
         self.closed = True
         net = self.network
         net._unsubscribe(lambda reader: reader.link is self)
-        net._watchers[:] = [w for w in net._watchers if w.link is not self]
         net._answers[:] = [a for a in net._answers if a[1] is not self]
         net._kept = {k: v for k, v in net._kept.items() if v[0].link is not self}
-        net._tokens[:] = [token for token in net._tokens if token[1] is not self]
         net._links.pop(self, None)
         net._settle()
-        net._announce()
+        net._presence.leave(self)

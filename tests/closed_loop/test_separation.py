@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -173,6 +174,31 @@ def test_four_robots_swap_places() -> None:
     assert world.time < 20.0
     assert world.plant.min_separation > KEEP - 0.005
     assert {"", "keeps clear of r0"} <= reasons
+
+
+def test_the_turning_rate_does_not_alternate_in_a_crowd() -> None:
+    """Eight robots that swap places: the filter acts most of the time, and its commands must suit wheels."""
+    angles = [0.25 * math.pi * k for k in range(8)]
+    starts = [(1.3 * math.cos(a), 1.3 * math.sin(a), a + math.pi) for a in angles]
+    world = World(starts, 0, delays=[0.05] * 8)
+    filters = [
+        Separation(me, BODY, dict.fromkeys(world.names, BODY), Bounds(-2.1, 2.1, -1.5, 1.5), SETTINGS)
+        for me in world.names
+    ]
+    law = GoToGoal(speed=0.4, tolerance=0.03)
+    rates: list[list[float]] = [[] for _ in starts]
+
+    def decide(k: int, now: float, state: State, snapshot: Snapshot | None) -> Twist2:
+        x, y = -starts[k][0], -starts[k][1]
+        step = filters[k].step(now, state, law.twist(state.pose, x, y), snapshot, (x, y))
+        rates[k].append(step.twist.omega)
+        return step.twist
+
+    while world.time < 12.0:
+        world.step(decide)
+    pairs = [pair for each in rates for pair in pairwise(each)]
+    flips = sum(before * after < 0.0 and abs(before - after) > 1.0 for before, after in pairs)
+    assert flips < 0.03 * len(pairs)
 
 
 def test_robots_on_a_ring_pass_unchanged() -> None:

@@ -192,7 +192,7 @@ def test_a_killed_agent_is_reported_and_restarted() -> None:
 
 @pytest.mark.slow
 def test_an_operator_beside_a_fleet() -> None:
-    with run("hold", "--robots", "2", "--duration", "60") as process:
+    with run("hold", "--robots", "2", "--duration", f"{seconds(60):g}") as process:
         process.line("all processes ready")
         time.sleep(1.0)
         there = ["--connect", endpoint()]

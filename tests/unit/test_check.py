@@ -102,6 +102,21 @@ class TestAFleetThatCollides:
         assert "no promise broken" in check("mine.toml", "--set", "separation.enabled=true", "--replay", code=0)
 
 
+def test_a_report_that_comes_twice_or_late_latches_no_stop() -> None:
+    table = {
+        "robots": 2,
+        "duration": 8.0,
+        "camera": {"north": {}},
+        "behaviour": {"name": "circle"},
+        "fault": [{"kind": "duplicate", "target": "router", "fraction": 1.0, "delay": 0.5}],
+        "order": [{"at": 2.0, "kind": "stop"}, {"at": 4.0, "kind": "resume"}],
+    }
+    record, result = run_trial(parse_scenario(table, "lab.toml", name="lab"), 1)
+    assert [given.accepted for given in record.orders] == [True, True]
+    assert result.judgements["stop"].evaluated == 4  # each at its start, and once by the order
+    assert not result.breaches
+
+
 class TestAStudentsBehaviour:
     def test_that_may_drive(self) -> None:
         Path("turning.py").write_text("def turn(robot):\n    return 0.1, 0.5\n")

@@ -81,6 +81,16 @@ def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) 
     assert commands(loop.update(now, [(now, fix())], [], NOTHING)) != [(0.0, 0.0)]
 
 
+@pytest.mark.parametrize("back", [0.01, 0.3, 4.0])
+def test_a_behaviour_that_is_a_task_of_its_own_is_the_first_to_see_that_the_clock_was_set_back(back: float) -> None:
+    loop = free()
+    assert commands(loop.want(T0, FORWARD)) != [(0.0, 0.0)]
+    assert commands(loop.want(T0 - back, FORWARD)) == [(0.0, 0.0)]
+    assert loop.reasons == ("no pose yet: waiting for a camera to see this robot",)
+    loop.update(T0 - back, [(T0 - back, fix())], [], NOTHING)
+    assert commands(loop.want(T0 - back, FORWARD)) != [(0.0, 0.0)]
+
+
 def test_how_old_a_pose_may_be_and_when_a_command_is_repeated_are_settings() -> None:
     loop = ControlLoop("r1", ROBOT, Timeouts(pose=0.5, command=0.6))
     loop.take_stop(T0, StopOrder(all=False, revision=5))

@@ -174,6 +174,15 @@ def test_a_behaviour_that_is_a_task_of_its_own_is_kept_clear_too_with_the_positi
     assert loop.reasons == ("no positions of all robots for 0.5 s",)
 
 
+def test_between_two_estimates_the_filter_is_asked_from_where_the_robot_is_then() -> None:
+    spy = Spy()
+    loop = loop_of(spy)
+    loop.tracking.filter.at = lambda t: estimate()._replace(x=0.5 * (t - T0), t_fix=t)  # type: ignore[method-assign]
+    loop.update(T0, [], [], around(0.0))
+    loop.want(T0 + 0.04, FORWARD)
+    assert spy.asked[-1][1].x == pytest.approx(0.02)
+
+
 @pytest.mark.parametrize("how", ["hold", "stop", "end"])
 def test_a_robot_that_holds_is_stopped_or_leaves_is_never_moved(how: str) -> None:
     loop = loop_of(Spy(Twist2(0.3, 0.3), "makes room for r2"))

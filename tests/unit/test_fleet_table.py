@@ -97,6 +97,14 @@ def test_an_old_estimate_is_ignored(table: FleetTable) -> None:
     assert (state.state, state.v) == ("tracking", 0.0)
 
 
+@pytest.mark.parametrize(("silent", "speed"), [(0.3, 0.2), (0.5, 0.2), (0.9, 0.2), (1.1, 0.0)])
+def test_a_robot_that_has_fallen_silent_does_not_stand_at_once(table: FleetTable, silent: float, speed: float) -> None:
+    """Its agent was killed, or cut off: it drives on until the dead-man acts, or its pose is too old, and brakes."""
+    table.estimate("r1", moving(10.0))
+    table.fix("r1", Pose2(1.05, 0.5, 0.2), 10.0 + silent - 0.05)
+    assert (row(table, 10.0 + silent).state, row(table, 10.0 + silent).v) == ("tracking", speed)
+
+
 @pytest.mark.parametrize(
     "elsewhere", [Pose2(1.4, 0.5, 0.2), Pose2(1.0, 0.5, 1.2), Pose2(-1.0, -0.5, 0.2)], ids=["place", "heading", "far"]
 )
@@ -138,3 +146,22 @@ def test_a_cleared_robot_is_gone_until_it_is_seen_again(table: FleetTable) -> No
     assert not table.clear("r1")
     table.fix("r1", HERE, 10.2)
     assert row(table, 10.2).v == 0.0  # its estimate was forgotten, too
+
+
+@pytest.mark.parametrize("back", [0.04, 0.2, 5.0])
+def test_when_the_clock_was_set_back_nothing_is_young(table: FleetTable, back: float) -> None:
+    assert row(table, 10.05).state == "tracking"
+    table.estimate("r1", moving(10.0))
+    lost = row(table, 10.05 - back)
+    assert (lost.state, lost.v, lost.x) == ("lost", 0.0, HERE.x)
+    assert table.doubts(10.05 - back) == {}
+    there = Pose2(1.1, 0.5, 0.2)
+    table.fix("r1", there, 10.06 - back)
+    assert (row(table, 10.07 - back).state, row(table, 10.07 - back).x) == ("tracking", 1.1)
+
+
+def test_estimates_of_robots_that_no_camera_sees_are_not_kept(table: FleetTable) -> None:
+    """A stranger with ever new names must not fill the memory."""
+    for number in range(1000):
+        table.estimate(f"x{number}", moving(10.0))
+    assert len(table._motions) + len(table._doubts._robots) <= 2

@@ -13,11 +13,12 @@ import msgspec
 import pytest
 
 from agents.master import Master, SpeedWriters
+from basestation.fleet.kept_state import KeptState
 from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
-from muro_zenoh.errors import OrderRefused
+from muro_zenoh.errors import ConfigError, OrderRefused
 from muro_zenoh.messages import Goal, Lease, LeaseState, SetBehaviour, SpeedReference, TakeLease, encode
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from tests.support.clock import ManualClock
@@ -82,6 +83,14 @@ def test_the_holders_other_programs_may_order_and_not_take_it_over() -> None:
         station.take(2, "r1", operator="alice@lab")
 
 
+def test_a_robot_that_is_named_often_is_held_once() -> None:
+    station = Station()
+    station.take(1, *("r1", "r2") * 10_000)
+    assert station.kept[-1][0].names == ("r1", "r2")
+    station.take(1, *("r1", "r2") * 10_000)
+    assert len(station.kept) == 1
+
+
 def test_a_lease_without_an_operator_admits_nobody_without_one() -> None:
     lease = Lease(program="x", operator="", epoch=1, since=0.0)
     assert not lease.admits(Goal(x=0.0, y=0.0, epoch=2))
@@ -139,6 +148,35 @@ def test_unknown_robots_strangers_without_epoch_and_too_many_are_refused() -> No
         station.leases.take(TakeLease(program="x", operator="y", names=(robots[k],), epoch=k + 1), robots, 0.0)
     with pytest.raises(OrderRefused, match="at most 64"):
         station.leases.take(TakeLease(program="x", operator="y", names=(robots[65],), epoch=99), robots, 0.0)
+
+
+async def test_leases_are_saved_one_after_the_other_and_only_the_newest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program that asks for ever other robots must not fill the memory with writes, while the disk is slow."""
+    store = StateStore(LAB, tmp_path / "state.json")
+    writes: list[tuple[int, asyncio.Future[None]]] = []
+
+    def write(state: KeptState) -> asyncio.Future[None]:
+        writes.append((state.leases[0].epoch, asyncio.get_running_loop().create_future()))
+        return writes[-1][1]
+
+    monkeypatch.setattr(store._file, "write", write)
+    for epoch in range(1, 1001):
+        store.keep_leases((Lease(program="muro run", operator="alice@lab", epoch=epoch, since=0.0),))
+        await asyncio.sleep(0)
+    assert [epoch for epoch, _ in writes] == [1]
+    writes[0][1].set_exception(ConfigError("state.json", got="a full disk", expected="a file"))
+    for _ in range(3):
+        await asyncio.sleep(0)
+    assert [epoch for epoch, _ in writes] == [1, 1000]
+    writes[1][1].set_result(None)
+    for _ in range(3):
+        await asyncio.sleep(0)
+    store.keep_leases((Lease(program="muro run", operator="alice@lab", epoch=2, since=0.0),))
+    await asyncio.sleep(0)
+    assert [epoch for epoch, _ in writes] == [1, 1000, 2]
+    store.close()
 
 
 async def test_a_base_station_that_restarts_remembers_a_lease_for_3_s(tmp_path: Path) -> None:

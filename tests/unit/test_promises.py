@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def breaches(record: Record, promise: str) -> tuple[Breach, ...]:
     return judge(record)[promise].breaches
 
 
-def with_effect(record: Record, kind: str, start: float, end: float, robot: str = "r2", **numbers: float) -> Record:
+def with_effect(record: Record, kind: str, start: float, end: float, robot: str = "r2", **numbers: Any) -> Record:
     """The record with what a fault did to a robot."""
     made = fault(kind, robot, start, end - start, **numbers)
     effect = Effect(made, start, end, {robot: Activity.DRIVING})
@@ -155,6 +156,15 @@ class TestNamed:
         early = self.reported(self.lied(), 1.0, "basestation", "r2: its estimate is 0.3 m off")
         assert breaches(self.reported(early, 2.5, "basestation", "r2: its estimate is 1.0 m off"), "named")
 
+    def test_an_old_estimate_is_a_lie_once_its_robot_is_elsewhere(self) -> None:
+        standing = with_effect(still(), "lie", 2.0, 8.0, stuck=True)
+        assert judge(standing)["named"].evaluated == 0
+        driven = driving(standing, 1, 3.0, 7.0)  # 0.36 m after 1.8 s
+        (breach,) = breaches(driven, "named")
+        assert breach.time == pytest.approx(4.8 + 1.0, abs=0.06)
+        assert not breaches(self.reported(driven, 5.7, "basestation", "r2 is not where it says"), "named")
+        assert judge(driving(standing, 1, 6.0, 7.7))["named"].evaluated == 0  # the lie is over before it is one
+
     def test_not_judged_while_the_base_station_is_down(self) -> None:
         effect = Effect(fault("crash", "basestation", 2.5, 2.0), 2.5, 4.5, {"r1": Activity.DRIVING})
         record = self.lied()
@@ -235,6 +245,12 @@ class TestStop:
     def test_it_drives_after_a_resume(self) -> None:
         record = self.stopped(2.4, resumed=4.0, latched_until=4.0)
         assert not breaches(driving(record, 0, 4.0, 5.0), "stop")
+
+    @pytest.mark.parametrize(("accepted", "allowed"), [(True, True), (None, True), (False, False)])
+    def test_it_drives_after_a_resume_unless_that_was_refused(self, accepted: bool | None, allowed: bool) -> None:
+        record = driving(self.stopped(2.4, latched_until=4.0), 0, 4.2, 5.0)
+        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume"), accepted)
+        assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) != allowed
 
     def test_its_latch_opens_without_a_resume(self) -> None:
         record = self.stopped(2.4, latched_until=4.0)

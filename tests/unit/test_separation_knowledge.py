@@ -89,3 +89,19 @@ def test_a_foreign_robot_is_as_large_as_the_largest() -> None:
     known.learn(0.0, Snapshot(rows, 0.0, 1, 0.0))
     (obstacle,) = known.obstacles
     assert (obstacle.name, obstacle.keep) == ("stranger", pytest.approx(0.177 + 0.3 + 0.046))
+
+
+@pytest.mark.parametrize("back", [0.2, 0.4, 5.0])
+def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) -> None:
+    """Its times lie ahead of the clock: it would be fresh, and all that comes would be older than it."""
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+
+    def learn(now: float, sent: float, x: float) -> str:
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", x, 0.0, math.pi, 0.0, 0.0, 0.0))
+        return known.learn(now, Snapshot(rows, sent, 1, 0.0))
+
+    assert [learn(0.05 * k, 0.05 * k, 3.0) for k in range(21)][-1] == ""
+    assert learn(1.0 - back, 1.05, 0.8) == "it listens before it drives"
+    assert [near.x for near in known.near(1.0 - back, 0.0, 0.0, 2.0)] == [0.8]
+    assert min(line.bound for line in known.lines(0.0, 0.0, 1.0)) == pytest.approx(0.2)
+    assert [learn(1.0 - back + 0.05 * k, 1.05 + 0.05 * k, 0.8) for k in range(1, 21)][-1] == ""

@@ -10,7 +10,7 @@ from muro_zenoh.geometry import Bounds, State
 from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
 from muro_zenoh.safety.separation.liveness import Patience, first_met, free_direction
-from muro_zenoh.safety.separation.planner import Planner, Segment
+from muro_zenoh.safety.separation.planner import CELL, SLICE, Planner, Segment
 
 ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 DOOR = ((0.0, 0.4, 0.0, 1.5), (0.0, -1.5, 0.0, -0.4))
@@ -51,6 +51,16 @@ def test_the_way_leads_round_a_standing_robot_but_is_never_forbidden() -> None:
 def test_walls_that_leave_no_way_give_none() -> None:
     closed = Planner(ARENA.shrunk(KEEP), [Segment(0.0, -1.5, 0.0, 3.0, KEEP)])
     assert closed.way((-1.0, 0.0), (1.0, 0.0), []) == []
+
+
+def test_a_search_takes_few_cells_at_a_time() -> None:
+    """Behind the long wall nothing is found: every free cell on this side is looked at, in slices."""
+    inside = ARENA.shrunk(KEEP)
+    closed = Planner(inside, [Segment(0.0, -1.5, 0.0, 3.0, KEEP)])
+    *slices, way = closed.search((-1.0, 0.0), (1.0, 0.0), [])
+    assert way == []
+    free = sum(x <= -KEEP for x in (inside.x_min + CELL * k for k in range(38))) * (int(inside.height / CELL) + 1)
+    assert len(slices) == 1 + free // SLICE > 4
 
 
 def test_the_door_is_a_gate() -> None:

@@ -82,7 +82,7 @@ async def test_a_kept_circle_that_is_not_used_is_named_in_the_log(
     assert "radius=0.8" in said
 
 
-async def test_a_disk_that_hangs_keeps_two_threads_and_not_the_end_of_the_process(
+async def test_a_disk_that_hangs_keeps_three_threads_and_not_the_end_of_the_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     released = threading.Event()
@@ -91,7 +91,7 @@ async def test_a_disk_that_hangs_keeps_two_threads_and_not_the_end_of_the_proces
     state = fresh().state
     try:
         writing = [file.write(state) for _ in range(6)]
-        assert sum(thread.name.startswith("state file") for thread in threading.enumerate()) == 2
+        assert sum(thread.name.startswith("state file") for thread in threading.enumerate()) == 3
         file.close()  # does not wait
         assert not any(write.done() for write in writing)
     finally:

@@ -31,6 +31,9 @@ _WANTS: Final = 0.01
 """A robot that wants to drive slower than this is where it wants to be [m/s]."""
 _SLOW: Final = 0.2
 """A robot that gets out of the way drives this fast [m/s]."""
+_AHEAD_OF_WHEELS: Final = 0.45
+"""A changed command asks for a turning rate at most so far from the one that is driven [rad/s]: the wheels reach no
+more in a period, and a command that jumps further only shakes them."""
 _NEARLY_THERE: Final = 0.15
 """Nearer to its target a robot may stand without losing patience [m]."""
 
@@ -166,28 +169,34 @@ class Separation:
         speed = max(math.hypot(*desired), 0.5 * _SLOW)
         twist = self._within_limits(guided(state, rows, ux, uy, speed, self._body.omega_max))
         name = who.name if who is not None and when < math.inf else blocker or (near[0].name if near else WALL)
-        return Separated(self._certified(twist, certificate, now if stood >= 1.0 else None), f"keeps clear of {name}")
+        twist = self._certified(state, twist, certificate, now if stood >= 1.0 else None)
+        return Separated(twist, f"keeps clear of {name}")
 
     def _make_room(
         self, state: State, velocity: Point, other: str, near: list[Near], certificate: Certificate
     ) -> Separated:
         rows = rows_of(state.x, state.y, near) + wall_rows(state.x, state.y, self._inside)
         twist = guided(state, rows, *velocity, _SLOW, self._body.omega_max) if velocity != (0.0, 0.0) else STILL
-        return Separated(self._certified(twist, certificate, None), f"makes room for {other}")
+        return Separated(self._certified(state, twist, certificate, None), f"makes room for {other}")
 
-    def _certified(self, twist: Twist2, certificate: Certificate, waits: float | None) -> Twist2:
-        """The twist, or one like it that passes; a robot that waits turns to and fro, so that others see it."""
-        found = STILL
-        for share in (1.0, 0.7, 0.4, 0.0):
-            turns = (twist.omega, 0.0, self._body.omega_max, -self._body.omega_max) if share < 1.0 else (twist.omega,)
-            passing = (Twist2(twist.v * share, omega) for omega in turns)
-            first = next((command for command in passing if not certificate.blocker(command)), None)
-            if first is not None:
-                found = first
-                break
+    def _certified(self, state: State, twist: Twist2, certificate: Certificate, waits: float | None) -> Twist2:
+        """The twist, or one like it that passes; a robot that waits turns to and fro, so that others see it.
+
+        Turning rates are near the one that is driven, and of two sides the one to which the robot turns comes first.
+        """
+        top = self._body.omega_max
+        driven = min(max(state.omega, -top), top)
+        low, high = max(-top, driven - _AHEAD_OF_WHEELS), min(top, driven + _AHEAD_OF_WHEELS)
+        wanted, straight = (min(max(omega, low), high) for omega in (twist.omega, 0.0))
+        turning = state.omega if abs(state.omega) > 0.1 else twist.omega
+        on, back = (low, high) if math.copysign(1.0, turning) < 0.0 else (high, low)
+        turns = (wanted, straight, on, back)
+        tries = [(1.0, wanted), *((share, omega) for share in (0.7, 0.4, 0.0) for omega in turns)]
+        commands = (Twist2(share * twist.v, omega) for share, omega in tries)
+        found = next((command for command in commands if not certificate.blocker(command)), STILL)
         if waits is not None and abs(found.v) <= 0.02 and abs(found.omega) <= 0.3:
-            turning = Twist2(0.0, FIDGET if math.fmod(waits, 2.0) < 1.0 else -FIDGET)
-            return found if certificate.blocker(turning) else turning
+            to_and_fro = Twist2(0.0, FIDGET if math.fmod(waits, 2.0) < 1.0 else -FIDGET)
+            return found if certificate.blocker(to_and_fro) else to_and_fro
         return found
 
     def _within_limits(self, twist: Twist2) -> Twist2:

@@ -52,19 +52,12 @@ class _Received:
 
 
 class _Mate(NamedTuple):
-    """A robot of the fleet in the newest snapshot: its ``name``, ``row``, ``body``, time of its fix [s, local clock],
-    the distance of the centres to ``keep`` [m], its heading's cosine ``c`` and sine ``s``, the ``part`` of the free
-    floor that its line leaves at least, and how far it comes at most before it goes by no older snapshot [m]."""
+    """A robot of the fleet: its ``body``, the distance of the centres to ``keep`` [m], and the ``part`` of the free
+    floor between it and this robot that their line leaves at least."""
 
-    name: str
-    row: RobotSeen
     body: Body
-    captured: float
     keep: float
-    c: float
-    s: float
     part: float
-    comes: float
 
 
 class Knowledge:
@@ -87,7 +80,6 @@ class Knowledge:
         walls: Sequence[Wall] = (),
     ) -> None:
         self._name, self._body, self._settings = name, body, settings
-        self._others = dict(others)
         self._largest = max((*others.values(), body), key=lambda known: known.radius)
         self._longest_stops = 2.0 * max(stopping_distance(known.v_max, known) for known in (*others.values(), body))
         keep = body.radius + settings.wall_margin
@@ -95,12 +87,19 @@ class Knowledge:
         self._received: deque[_Received] = deque()
         self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
+        self._now = -math.inf
         self._me: RobotSeen | None = None
-        self._mates: list[_Mate] = []
+        own = body.radius + settings.margin
+        self._mates = {
+            other: _Mate(known, own + known.radius, LEAST_NEED / (2.0 * LEAST_NEED + known.v_max))
+            for other, known in others.items()
+        }
+        self._tracked: list[tuple[RobotSeen, _Mate]] = []
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, in the newest snapshot."""
-        self._seen: list[tuple[RobotSeen, float, float, float]] = []
+        self._seen: list[tuple[RobotSeen, float, float]] = []
+        self._sent = -math.inf  # the newest snapshot
 
     def learn(self, now: float, snapshot: SharedSnapshot | None) -> str:
         """Take the newest snapshot; one that is known already changes nothing.
@@ -112,6 +111,9 @@ class Knowledge:
         Returns:
             Why the robot must not drive on what it knows; empty when it may.
         """
+        if now < self._now:  # the clock was set back: nobody knows how old what is known is
+            self._received.clear()
+        self._now = now
         if snapshot is None or not math.isfinite(snapshot.age):
             return "no fresh positions"
         if not self._has(snapshot):
@@ -158,24 +160,18 @@ class Knowledge:
     def _look(self, sent: float, rows: Mapping[str, RobotSeen]) -> None:
         """Where the others are in the newest snapshot."""
         obstacles: list[Obstacle] = []
-        self._mates, self._seen = [], []
-        own = self._body.radius + self._settings.margin
-        span = self._span
+        self._sent, self._tracked, self._seen = sent, [], []
         for name, row in rows.items():
-            body = self._others.get(name)
-            c, s = math.cos(row.theta), math.sin(row.theta)
-            if body is not None and row.state == "tracking":
-                keep = own + body.radius
+            mate = self._mates.get(name)
+            if mate is not None and row.state == "tracking":
                 self._speeds[name] = row.v
-                part = LEAST_NEED / (2.0 * LEAST_NEED + body.v_max)
-                top = max(body.v_max, abs(row.v))
-                comes = top * (span + row.age + body.lag) + 0.5 * top * top / body.brake
-                self._mates.append(_Mate(name, row, body, sent - row.age, keep, c, s, part, comes))
-                self._seen.append((row, keep, row.v * c, row.v * s))
+                self._tracked.append((row, mate))
+                self._seen.append((row, mate.keep, row.v))
             else:
-                keep = own + (body or self._largest).radius
-                obstacles.append(self._obstacle(row, body or self._largest, keep))
-                self._seen.append((row, keep, 0.0, 0.0))
+                body = mate.body if mate is not None else self._largest
+                keep = self._body.radius + self._settings.margin + body.radius
+                obstacles.append(self._obstacle(row, body, keep))
+                self._seen.append((row, keep, 0.0))
         self.obstacles = tuple(obstacles)
 
     def _stretch(self, row: RobotSeen, body: Body) -> Stretch:
@@ -201,28 +197,40 @@ class Knowledge:
         found: list[Line] = []
         *older, newest = self._received
         span, longest_stops = self._span, self._longest_stops
-        for mate in self._mates:
-            name, row, body, captured, keep, _, _, part, comes = mate
+        for row, mate in self._tracked:
+            body, keep, part = mate
             free = math.hypot(row.x - x, row.y - y) - keep
             # A line leaves a robot at least this part of the free floor between the two stretches.
             if part * (free - longest_stops) > reach:
                 continue
-            line = self._line(newest, name)
+            line = self._line(newest, row.name)
             if line is not None and line[0] * x + line[1] * y + reach > line[2]:
                 found.append(line)
-            if free <= reach + comes:
-                comes = travel_toward(row.v, 0.0, body, newest.sent + span - captured)
+            speed = abs(row.v)  # it may come backwards
+            top = max(body.v_max, speed)
+            if free <= reach + top * (span + row.age + body.lag) + 0.5 * top * top / body.brake:
+                comes = travel_toward(speed, 0.0, body, span + row.age)
                 if free <= reach + comes:
-                    self._older_lines(x, y, reach, mate, comes, older, found)
+                    self._older_lines(x, y, reach, row, mate, comes, older, found)
         return found
 
     def _older_lines(
-        self, x: float, y: float, reach: float, mate: _Mate, comes: float, older: list[_Received], found: list[Line]
+        self,
+        x: float,
+        y: float,
+        reach: float,
+        row: RobotSeen,
+        mate: _Mate,
+        comes: float,
+        older: list[_Received],
+        found: list[Line],
     ) -> None:
         """Add the lines of older snapshots between this robot and one that comes no further than ``comes`` [m]."""
-        name, row, body, captured, keep, c, s, _, _ = mate
+        name, body, keep = row.name, mate.body, mate.keep
+        c, s = math.cos(row.theta), math.sin(row.theta)
         # Beside a line a robot that comes straight on has this for itself; less when it comes from elsewhere.
         away_x, away_y, least = row.x - x, row.y - y, keep + comes + reach
+        beyond = self._span - self._sent + row.age
         for start in range(0, len(older), _TOGETHER):
             group = older[start : start + _TOGETHER]
             crossed: list[Line] = []
@@ -241,7 +249,7 @@ class Knowledge:
             if not matters:
                 continue
             # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
-            drives = group[-1].sent + self._span - captured
+            drives = group[-1].sent + beyond
             come = travel_toward(row.v, math.acos(min(1.0, ahead)), body, drives)
             for line in crossed:
                 nx, ny, bound, _ = line
@@ -256,10 +264,10 @@ class Knowledge:
         lines = received.lines
         if name in lines:
             return lines[name]
-        row, body = received.rows.get(name), self._others.get(name)
+        row, mate = received.rows.get(name), self._mates.get(name)
         line = None
-        if row is not None and body is not None and row.state == "tracking" and received.mine is not None:
-            line = line_between(received.mine, self._stretch(row, body), name)
+        if row is not None and mate is not None and row.state == "tracking" and received.mine is not None:
+            line = line_between(received.mine, self._stretch(row, mate.body), name)
         lines[name] = line
         return line
 
@@ -275,9 +283,12 @@ class Knowledge:
         if not self._received:
             return []
         found = []
-        age = now - self._received[-1].sent
-        for row, keep, vx, vy in self._seen:
+        age = now - self._sent
+        for row, keep, v in self._seen:
             old = age + row.age
+            if math.hypot(row.x - x, row.y - y) > within + abs(v * old):
+                continue
+            vx, vy = v * math.cos(row.theta), v * math.sin(row.theta)
             px, py = row.x + vx * old, row.y + vy * old
             away = math.hypot(px - x, py - y)
             if away < within:

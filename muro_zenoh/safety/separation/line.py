@@ -54,18 +54,24 @@ def nearest_points(a: Stretch, b: Stretch) -> tuple[Point, Point]:
             return found
     elif ax == ay == bx == by == 0.0:  # both stand
         return found
-    for x, y in ((a_x, a_y), (a_x_end, a_y_end)):
-        p = nearest_on(b_x, b_y, bx, by, x, y)
-        dx, dy = p[0] - x, p[1] - y
-        away = dx * dx + dy * dy
+    size = bx * bx + by * by
+    for x, y in ((a_x, a_y), (a_x_end, a_y_end)) if ax or ay else ((a_x, a_y),):
+        px, py = b_x, b_y
+        if size:
+            part = ((x - b_x) * bx + (y - b_y) * by) / size
+            part = 0.0 if part < 0.0 else 1.0 if part > 1.0 else part
+            px, py = b_x + part * bx, b_y + part * by
+        away = (px - x) * (px - x) + (py - y) * (py - y)
         if away < best:
-            best, found = away, ((x, y), p)
-    for x, y in ((b_x, b_y), (b_x_end, b_y_end)):
-        p = nearest_on(a_x, a_y, ax, ay, x, y)
-        dx, dy = p[0] - x, p[1] - y
-        away = dx * dx + dy * dy
+            best, found = away, ((x, y), (px, py))
+    size = ax * ax + ay * ay
+    for x, y in ((b_x, b_y), (b_x_end, b_y_end)) if size else ():
+        part = ((x - a_x) * ax + (y - a_y) * ay) / size
+        part = 0.0 if part < 0.0 else 1.0 if part > 1.0 else part
+        px, py = a_x + part * ax, a_y + part * ay
+        away = (px - x) * (px - x) + (py - y) * (py - y)
         if away < best:
-            best, found = away, (p, (x, y))
+            best, found = away, ((px, py), (x, y))
     return found
 
 

@@ -16,6 +16,7 @@ _PIECES: Final = 4
 """Points of the held part."""
 _BRAKING: Final = (0.12, 0.15, 20.0)
 """Times between the points of the braking part [s]; the last one is until rest, whatever the speed."""
+_REST: Final = tuple((0.0, 0.0, dt) for dt in _BRAKING)
 _LEAST_LAG: Final = 1e-6
 
 
@@ -85,9 +86,23 @@ def braking_path(state: State, command: Twist2, held: float, body: Body) -> list
     turn_grow, turn_fall = body.alpha_max, body.alpha_max * max(1.0, body.brake / body.a_max)
     points = [(x, y)]
     legs = [(command.v, command.omega, held / _PIECES)] * _PIECES if held > 0.0 else []
-    for v_goal, omega_goal, dt in (*legs, *((0.0, 0.0, dt) for dt in _BRAKING)):
-        v, length = advance(v, v_goal, grow, fall, lag, dt)
-        omega, turn = advance(omega, omega_goal, turn_grow, turn_fall, lag, dt)
+    for v_goal, omega_goal, dt in (*legs, *_REST):
+        # A difference that the lag alone takes away is what is left most of the time: it is written out.
+        gap = v_goal - v
+        if v * v_goal >= 0.0 and -grow * lag <= gap <= grow * lag and grow <= fall:
+            left = gap * math.exp(-dt / lag)
+            v, length = v_goal - left, v_goal * dt - lag * (gap - left)
+        else:
+            v, length = advance(v, v_goal, grow, fall, lag, dt)
+        if omega == omega_goal:
+            turn = omega * dt
+        else:
+            gap = omega_goal - omega
+            if omega * omega_goal >= 0.0 and -turn_grow * lag <= gap <= turn_grow * lag:
+                left = gap * math.exp(-dt / lag)
+                omega, turn = omega_goal - left, omega_goal * dt - lag * (gap - left)
+            else:
+                omega, turn = advance(omega, omega_goal, turn_grow, turn_fall, lag, dt)
         along = theta + 0.5 * turn
         x += length * math.cos(along)
         y += length * math.sin(along)

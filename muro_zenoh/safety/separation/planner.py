@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import Bounds
@@ -12,6 +12,8 @@ from muro_zenoh.safety.separation.line import Point, nearest_on
 
 CELL: Final = 0.1
 """Size of a cell [m]."""
+SLICE: Final = 80
+"""Cells that are looked at in one slice of a search."""
 _DETOUR: Final = 0.6
 """How much further a robot goes to avoid driving against a standing one [m]."""
 _DIAGONAL: Final = math.sqrt(2.0)
@@ -38,13 +40,17 @@ class Planner:
     def __init__(self, inside: Bounds, walls: Sequence[Segment]) -> None:
         self._inside = inside
         self._walls = walls
-        self._columns = max(1, math.floor(inside.width / CELL) + 1)
-        self._rows = max(1, math.floor(inside.height / CELL) + 1)
-        self._free = bytearray(b"\1" * (self._columns * self._rows))
-        if walls:
-            for k in range(len(self._free)):
+        columns = max(1, math.floor(inside.width / CELL) + 1)
+        rows = max(1, math.floor(inside.height / CELL) + 1)
+        # Row by row, with a border of cells that are not free, so that every free cell has eight neighbours.
+        self._columns = columns + 2
+        self._rows = rows + 2
+        self._free = bytearray(self._columns * self._rows)
+        for row in range(1, rows + 1):
+            for k in range(row * self._columns + 1, row * self._columns + 1 + columns):
                 x, y = self._place(k)
                 self._free[k] = all(_away(wall, x, y) >= wall.keep for wall in walls)
+        self._steps = tuple((j * self._columns + i, step) for i, j, step in _STEPS)
 
     def sees(self, start: Point, end: Point) -> bool:
         """Whether no wall is between two positions.
@@ -63,7 +69,7 @@ class Planner:
         return True
 
     def way(self, start: Point, end: Point, slow: Sequence[tuple[float, float, float]]) -> list[Point]:
-        """The cheapest path from one position to another.
+        """The cheapest path from one position to another, at once.
 
         Args:
             start: where from [m, world].
@@ -73,12 +79,26 @@ class Planner:
         Returns:
             Positions from start to end; empty when walls leave no way.
         """
+        return next(found for found in self.search(start, end, slow) if found is not None)
+
+    def search(
+        self, start: Point, end: Point, slow: Sequence[tuple[float, float, float]]
+    ) -> Iterator[list[Point] | None]:
+        """:meth:`way` in slices that fit into a step of a control loop: None while it is not found yet, then the path.
+
+        Args:
+            start: where from [m, world].
+            end: where to.
+            slow: standing robots: x, y and the distance to keep [m].
+        """
         first, last = self._cell(start), self._cell(end)
         if first < 0 or last < 0:
-            return []
+            yield []
+            return
         costly = self._costs(slow)
-        columns = self._columns
-        goal_x, goal_y = last % columns, last // columns
+        yield None
+        columns, free, steps = self._columns, self._free, self._steps
+        goal_y, goal_x = divmod(last, columns)
         spent = {first: 0.0}
         before: dict[int, int] = {}
         queue = [(0.0, first)]
@@ -90,60 +110,61 @@ class Planner:
             if cell in done:
                 continue
             done.add(cell)
-            column, row = cell % columns, cell // columns
-            for i, j, step in _STEPS:
-                c, r = column + i, row + j
-                if not (0 <= c < columns and 0 <= r < self._rows):
+            here = spent[cell]
+            for offset, step in steps:
+                other = cell + offset
+                if not free[other] or other in done:
                     continue
-                other = r * columns + c
-                if not self._free[other] or other in done:
-                    continue
-                cost = spent[cell] + step * (1.0 + costly.get(other, 0.0))
+                cost = here + step * (1.0 + costly.get(other, 0.0))
                 if cost < spent.get(other, math.inf):
                     spent[other], before[other] = cost, cell
-                    far, near = abs(c - goal_x), abs(r - goal_y)
+                    row, column = divmod(other, columns)
+                    far, near = abs(column - goal_x), abs(row - goal_y)
                     if far < near:
                         far, near = near, far
                     heapq.heappush(queue, (cost + (far + (_DIAGONAL - 1.0) * near) * CELL, other))
+            if len(done) % SLICE == 0:
+                yield None
         if last != first and last not in before:
-            return []
+            yield []
+            return
         path = [end]
         cell = last
         while cell in before:
             cell = before[cell]
             path.append(self._place(cell))
         path[-1] = start
-        return path[::-1]
+        yield path[::-1]
 
     def _costs(self, slow: Sequence[tuple[float, float, float]]) -> dict[int, float]:
         costs: dict[int, float] = {}
         for x, y, keep in slow:
-            size = math.ceil(keep / CELL)
-            middle = round((x - self._inside.x_min) / CELL), round((y - self._inside.y_min) / CELL)
-            for c in range(max(0, middle[0] - size), min(self._columns, middle[0] + size + 1)):
-                for r in range(max(0, middle[1] - size), min(self._rows, middle[1] + size + 1)):
-                    px, py = self._inside.x_min + c * CELL, self._inside.y_min + r * CELL
-                    if math.hypot(px - x, py - y) < keep:
-                        k = r * self._columns + c
-                        costs[k] = costs.get(k, 0.0) + _DETOUR / (2.0 * keep) * 4.0
+            cost = _DETOUR / (2.0 * keep) * 4.0
+            for k in self._around(x, y, math.ceil(keep / CELL)):
+                if math.dist(self._place(k), (x, y)) < keep:
+                    costs[k] = costs.get(k, 0.0) + cost
         return costs
+
+    def _around(self, x: float, y: float, size: int) -> Iterator[int]:
+        """The cells within ``size`` columns and rows of a position."""
+        column = round((x - self._inside.x_min) / CELL) + 1
+        row = round((y - self._inside.y_min) / CELL) + 1
+        for c in range(max(1, column - size), min(self._columns - 1, column + size + 1)):
+            for r in range(max(1, row - size), min(self._rows - 1, row + size + 1)):
+                yield r * self._columns + c
 
     def _place(self, cell: int) -> Point:
         row, column = divmod(cell, self._columns)
-        return self._inside.x_min + column * CELL, self._inside.y_min + row * CELL
+        return self._inside.x_min + (column - 1) * CELL, self._inside.y_min + (row - 1) * CELL
 
     def _cell(self, place: Point) -> int:
         """The nearest free cell; -1 when none is near."""
-        column = round((place[0] - self._inside.x_min) / CELL)
-        row = round((place[1] - self._inside.y_min) / CELL)
         best, found = math.inf, -1
-        for c in range(max(0, column - 2), min(self._columns, column + 3)):
-            for r in range(max(0, row - 2), min(self._rows, row + 3)):
-                k = r * self._columns + c
-                if self._free[k]:
-                    away = math.dist(self._place(k), place)
-                    if away < best:
-                        best, found = away, k
+        for k in self._around(*place, 2):
+            if self._free[k]:
+                away = math.dist(self._place(k), place)
+                if away < best:
+                    best, found = away, k
         return found
 
 

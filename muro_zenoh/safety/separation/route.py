@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
@@ -35,6 +35,7 @@ class Route:
         self._planner = Planner(inside, [Segment(x, y, p - x, q - y, keep) for x, y, p, q in walls])
         self._gates = gates_between(walls, arena, keep)
         self._plan: list[Point] = []
+        self._search: Iterator[list[Point] | None] | None = None
         self._plan_again = self._follow_until = -math.inf
         self.waits = False
         """Whether the robot lets others through a gate now."""
@@ -61,10 +62,14 @@ class Route:
             return velocity
         if now >= self._plan_again:
             slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < 0.05]
-            self._plan = self._planner.way(here, target, slow)
+            self._search = self._planner.search(here, target, slow)
             self._plan_again = now + _PLAN_PERIOD
             if stood >= _STANDS:
                 self._follow_until = now + _FOLLOWS
+        if self._search is not None:  # a slice in each step: until it has found, the plan before it counts
+            found = next(self._search)
+            if found is not None:
+                self._plan, self._search = found, None
         speed = math.hypot(*velocity)
         gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates and queues else None
         place = place_to_wait(gate, *here, near) if gate is not None else None
