@@ -11,7 +11,7 @@ import click
 
 from muro_zenoh.behaviours.entry_points import BEHAVIOURS
 from muro_zenoh.cli.options import assignments, example
-from muro_zenoh.errors import ConfigError, MissingExtra
+from muro_zenoh.errors import INTERRUPTED, ConfigError, MissingExtra
 
 if TYPE_CHECKING:
     from muro_zenoh.checking.check import Report
@@ -128,7 +128,7 @@ def check(
         worst = report.broken[0]
         with quiet():
             _replay(what, trial(worst.seed), worst.seed, out, shrink, again, brief=True)
-    raise SystemExit(1 if report.broken else 130 if report.interrupted else 0 if report.passed else 1)
+    raise SystemExit(1 if report.broken else INTERRUPTED if report.interrupted else 0 if report.passed else 1)
 
 
 def _options(quick: bool, robots: int | None, duration: float | None, settings: tuple[str, ...]) -> list[str]:

@@ -11,7 +11,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from muro_zenoh.checking.check import Plan, Report
+from muro_zenoh.checking.random_trial import random_trial
 from muro_zenoh.checking.source import Trials
+from muro_zenoh.checking.summary import quick_verdict, summary
 from muro_zenoh.checking.trial import run_trial
 from muro_zenoh.cli.main import main
 from muro_zenoh.config import load_scenario, parse_scenario
@@ -171,7 +174,24 @@ def test_ctrl_c_ends_with_what_was_done_so_far(tmp_path: Path) -> None:
     assert process.returncode == 130
     table = json.loads(Path("c.json").read_text())
     assert table["interrupted"]
+    assert not table["passed"]
     assert table["trials"] < 10_000
+
+
+def test_a_check_that_was_interrupted_has_neither_passed_nor_may_anything_drive() -> None:
+    report = Report(Plan(random_trial, trials=100, seed=1, jobs=1))
+    report.interrupted = True
+    assert not report.passed
+    assert summary(report, "muro check").endswith("NOT PASSED (interrupted after 0 of 100 trials)")
+    assert quick_verdict(report, "muro check") == "no verdict (interrupted after 0 of 100 trials)"
+
+
+def test_ctrl_c_is_never_the_exit_code_of_a_broken_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+    def impatient(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("muro_zenoh.checking.trial.run_trial", impatient)
+    assert "interrupted" in check("random", "--replay", "1", code=130)
 
 
 def test_the_same_seed_gives_the_same_trial_in_another_process() -> None:
