@@ -118,14 +118,16 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--seeds", type=int, default=20, help="how many seeds (default %(default)s)")
     parser.add_argument("--first", type=int, default=0, help="the first seed (default %(default)s)")
-    parser.add_argument("--cases", nargs="+", choices=list(SETTINGS), default=list(SETTINGS))
-    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
+    parser.add_argument("--cases", nargs="+", choices=list(SETTINGS), default=list(SETTINGS), help="(default all)")
+    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS), help="(default all)")
     parser.add_argument("--floors", nargs="+", choices=list(FLOORS), default=list(FLOORS), help="of the swaps")
     parser.add_argument("--robots", type=int, help="how many robots, in every case")
     parser.add_argument("--delay", type=float, default=100.0, help="age of the positions [ms] (default %(default)s)")
     parser.add_argument("--loss", type=float, default=0.0, help="share of the snapshots lost (default %(default)s)")
     parser.add_argument("--jobs", type=int, default=1, help="how many processes (default %(default)s)")
     given = parser.parse_args()
+    if min(given.states, given.seeds, given.jobs) < 1:
+        parser.error("--states, --seeds and --jobs must be at least 1")
     if given.attack:
         rows = []
         print(attack_games.HEAD)

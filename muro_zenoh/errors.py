@@ -20,6 +20,11 @@
 Every message has what was got, what was expected, where, and what to do next.
 """
 
+from typing import Final
+
+INTERRUPTED: Final = 130
+"""Exit code of a command that Ctrl-C ended."""
+
 
 class MuroError(Exception):
     """Anything this project raises on purpose."""

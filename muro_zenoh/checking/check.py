@@ -168,8 +168,8 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was broken and nothing is wrong with the check."""
-        return not self.broken and not self.problems()
+        """Whether all trials were run, nothing was broken, and nothing is wrong with the check."""
+        return not self.interrupted and not self.broken and not self.problems()
 
 
 def run_check(plan: Plan, screen: Screen) -> Report:

@@ -79,7 +79,7 @@ def trials_of(
     if path.endswith(".py"):
         scenario = _own(Path(path), function if colon else None, robots or _OWN_ROBOTS, overrides)
     else:
-        scenario = find_scenario(given, robots, overrides)
+        scenario = find_scenario(given, robots, overrides, others=(RANDOM, "FILE.py[:function]"))
     if not scenario.camera:
         raise ConfigError(f"{given}: camera", got="none", expected="a section [camera.<name>]: nobody drives blindly")
     for name in scenario.robots:
@@ -114,8 +114,10 @@ def _function_of(path: Path) -> str:
     """The behaviour in a file: its one function of an argument ``robot``, or its one function of one argument."""
     try:
         body = ast.parse(path.read_text(encoding="utf-8"), str(path)).body
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(str(path), got=str(error), expected="a Python file that can be read") from None
+    except OSError as error:
+        raise ConfigError(str(path), got=error.strerror or str(error), expected="a Python file") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(str(path), got=str(error), expected="a Python file in UTF-8") from None
     except SyntaxError as error:
         raise ConfigError(f"{path}:{error.lineno}", got=f"{error.msg}", expected="Python") from None
     functions = [

@@ -108,13 +108,12 @@ def _numbers(report: Report) -> Iterator[str]:
 
 def _verdict(report: Report) -> Iterator[str]:
     yield from report.problems()[:_WORST]
-    if report.interrupted:
-        yield "interrupted: this is what was done so far"
     if report.passed:
         yield "PASSED"
+    elif report.broken:
+        yield f"NOT PASSED: {counted(len(report.broken), 'seed')} broke a promise"
     else:
-        seeds = counted(len(report.broken), "seed")
-        yield f"NOT PASSED: {seeds} broke a promise" if report.broken else "NOT PASSED"
+        yield f"NOT PASSED{_interrupted(report)}"
 
 
 def quick_verdict(report: Report, how: str) -> str:
@@ -128,7 +127,12 @@ def quick_verdict(report: Report, how: str) -> str:
         seconds = f"{counted(len(report.results), 'trial')} of {next(iter(report.results.values())).duration:.0f} s"
         return f"may drive ({seconds}, no promise broken, {report.wall:.0f} s)"
     lines = [f"{breach} (seed {seed}): {how} {seed}" for seed, breach in _first_of_each(report)]
-    return "\n".join((*lines, *report.problems()[:_WORST], "may not drive"))
+    lines += report.problems()[:_WORST]
+    return "\n".join((*lines, "may not drive" if lines else f"no verdict{_interrupted(report)}"))
+
+
+def _interrupted(report: Report) -> str:
+    return f" (interrupted after {report.done} of {counted(report.plan.trials, 'trial')})" if report.interrupted else ""
 
 
 def _first_of_each(report: Report) -> list[tuple[int, Breach]]:

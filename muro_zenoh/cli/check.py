@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from muro_zenoh.behaviours.entry_points import BEHAVIOURS
 from muro_zenoh.cli.options import assignments, example
-from muro_zenoh.errors import ConfigError, MissingExtra
+from muro_zenoh.errors import INTERRUPTED, ConfigError, MissingExtra
 
 if TYPE_CHECKING:
     from muro_zenoh.checking.check import Report
@@ -126,7 +128,7 @@ def check(
         worst = report.broken[0]
         with quiet():
             _replay(what, trial(worst.seed), worst.seed, out, shrink, again, brief=True)
-    raise SystemExit(1 if report.broken else 130 if report.interrupted else 0 if report.passed else 1)
+    raise SystemExit(1 if report.broken else INTERRUPTED if report.interrupted else 0 if report.passed else 1)
 
 
 def _options(quick: bool, robots: int | None, duration: float | None, settings: tuple[str, ...]) -> list[str]:
@@ -194,10 +196,17 @@ def _shrink(record: Record, result: Result, path: Path) -> None:
     parts = f"{counted(len(scenario.faults), 'fault')}, {counted(len(scenario.robots), 'robot')}"
     text = (
         f"# {least.breach}: {parts}, {scenario.duration:g} s, after {counted(least.runs, 'run')}.\n"
-        f"#\n#     muro check {path} --replay {least.seed}\n{as_toml(scenario)}"
+        f"#\n#     {_search_path(scenario)}muro check {path} --replay {least.seed}\n{as_toml(scenario)}"
     )
     path.write_text(text, encoding="utf-8")
     click.echo(f"{text}\nscenario: {path}")
+
+
+def _search_path(scenario: Scenario) -> str:
+    """What a command needs before it so that a user's own behaviours are found, which are not beside the new file."""
+    folders = os.environ.get(BEHAVIOURS, "")
+    own = any(":" in scenario.behaviour_of(name).name for name in scenario.robots)
+    return f"PYTHONPATH={shlex.quote(folders)} " if own and folders else ""
 
 
 def _folder(what: str, out: Path | None) -> Path:

@@ -8,11 +8,13 @@ from typing import Any
 
 import click
 
-from muro_zenoh.errors import ConfigError, MuroError
+from muro_zenoh.errors import INTERRUPTED, ConfigError, MuroError
 
 
 class MuroGroup(click.Group):
     """A group whose commands report this project's errors in one line: exit code 2 for invalid settings, otherwise 1.
+
+    Ctrl-C in a command that does not handle it is exit code 130, so that 1 never means that somebody was impatient.
 
     Args:
         lazy: its commands as ``module:attribute`` by name. A robot's process imports only the module of its own
@@ -39,3 +41,6 @@ class MuroGroup(click.Group):
         except MuroError as error:
             click.echo(f"{ctx.find_root().info_name}: {error}", err=True)
             ctx.exit(2 if isinstance(error, ConfigError) else 1)
+        except KeyboardInterrupt:
+            click.echo("interrupted", err=True)
+            ctx.exit(INTERRUPTED)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
-from muro_zenoh.errors import OrderRefused, SupervisionError
+from muro_zenoh.errors import INTERRUPTED, OrderRefused, SupervisionError
 from muro_zenoh.orders.lease import holding
 from muro_zenoh.scoring.collector import Collector
 from muro_zenoh.scoring.observed import Observed
@@ -27,9 +27,6 @@ from muro_zenoh.supervision.supervisor import Supervisor
 from muro_zenoh.supervision.usage import UsageTable
 from muro_zenoh.transport import Bus, open_bus
 from muro_zenoh.wording import counted
-
-INTERRUPTED = 130
-"""Exit code of a run that was interrupted before its end."""
 
 _VIEW_PERIOD = 0.25
 _USAGE_PERIOD = 1.0

@@ -11,7 +11,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from muro_zenoh.checking.check import Plan, Report
+from muro_zenoh.checking.random_trial import random_trial
 from muro_zenoh.checking.source import Trials
+from muro_zenoh.checking.summary import quick_verdict, summary
 from muro_zenoh.checking.trial import run_trial
 from muro_zenoh.cli.main import main
 from muro_zenoh.config import load_scenario, parse_scenario
@@ -123,6 +126,15 @@ class TestAStudentsBehaviour:
         output = check("turning.py", "--quick", "--trials", "2", "--duration", "3", "--jobs", "2", code=0)
         assert "may drive (2 trials of 3 s, no promise broken" in output
 
+    def test_the_command_of_the_smallest_trial_finds_it(self) -> None:
+        Path("mine").mkdir()
+        Path("mine/dividing.py").write_text("def divide(robot):\n    return 1.0 / (robot.now - robot.now), 0.0\n")
+        short = ["--robots", "1", "--duration", "1", "--replay", "1", "--shrink"]
+        check("mine/dividing.py", *short, "--out", "smallest", code=1)
+        command = Path("smallest/seed-1.toml").read_text().split("\n")[2].removeprefix("#").split()
+        assert command[0] == f"PYTHONPATH={Path('mine').resolve()}"
+        assert command[1:4] == ["muro", "check", "smallest/seed-1.toml"]
+
     def test_that_fails(self) -> None:
         Path("failing.py").write_text("def divide(robot):\n    return 1.0 / (robot.now - robot.now), 0.0\n")
         output = check("failing.py", "--quick", "--trials", "1", "--duration", "2", "--jobs", "1", code=1)
@@ -137,7 +149,8 @@ class TestAStudentsBehaviour:
         (["rendom"], "got 'rendom', which is not a file"),
         (["random", "--robots", "3"], "everything in a random trial is drawn from its seed"),
         (["random", "--json", "nowhere/c.json"], "whose folder cannot be written to"),
-        (["other.py"], "expected a Python file"),
+        (["rendom"], "steer, random, FILE.py[:function]. Did you mean random?"),
+        (["other.py"], "other.py: got No such file or directory, expected a Python file"),
         (["random", "--trials", "0"], "--trials"),
     ],
 )
@@ -161,7 +174,24 @@ def test_ctrl_c_ends_with_what_was_done_so_far(tmp_path: Path) -> None:
     assert process.returncode == 130
     table = json.loads(Path("c.json").read_text())
     assert table["interrupted"]
+    assert not table["passed"]
     assert table["trials"] < 10_000
+
+
+def test_a_check_that_was_interrupted_has_neither_passed_nor_may_anything_drive() -> None:
+    report = Report(Plan(random_trial, trials=100, seed=1, jobs=1))
+    report.interrupted = True
+    assert not report.passed
+    assert summary(report, "muro check").endswith("NOT PASSED (interrupted after 0 of 100 trials)")
+    assert quick_verdict(report, "muro check") == "no verdict (interrupted after 0 of 100 trials)"
+
+
+def test_ctrl_c_is_never_the_exit_code_of_a_broken_promise(monkeypatch: pytest.MonkeyPatch) -> None:
+    def impatient(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("muro_zenoh.checking.trial.run_trial", impatient)
+    assert "interrupted" in check("random", "--replay", "1", code=130)
 
 
 def test_the_same_seed_gives_the_same_trial_in_another_process() -> None:

@@ -109,6 +109,12 @@ def test_an_unknown_scenario_lists_the_built_in_ones() -> None:
     assert f"got 'pursiut', which is not a file, expected a TOML file, or one of {names}. Did you mean pursuit?" in said
 
 
+def test_a_python_file_is_no_scenario_but_may_be_named_in_one() -> None:
+    said = refused("run", "examples/flock.py")
+    assert "a Python file, expected a TOML file. Name a function of it there" in said
+    assert '[behaviour] name = "flock:<function>"' in said
+
+
 def test_a_file_that_is_not_toml() -> None:
     Path("lab.toml").write_text("robots = = 5\n")
     assert "lab.toml: got Invalid value" in refused("run", "lab.toml")
