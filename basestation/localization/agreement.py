@@ -38,6 +38,7 @@ class Agreement:
         self.moved: dict[str, str] = {}
         self._apart: dict[tuple[str, str], deque[tuple[float, float, float, float]]] = {}
         self._jumped: dict[str, float] = {}
+        self._just_jumped: set[str] = set()
 
     def compare(self, first: str, second: str, a: Pose2, b: Pose2, t: float) -> None:
         """Take what two cameras see of one robot at one time.
@@ -57,12 +58,16 @@ class Agreement:
     def jumped(self, camera: str, steps: Sequence[tuple[float, float]], t: float) -> bool:
         """Whether all robots of a camera have jumped at once: then it was the camera that moved.
 
+        Two frames running are no jump: the robots really have other speeds now.
+
         Args:
             camera: its name.
             steps: of each robot from where its speed took it to where it was seen [m].
             t: when [s].
         """
-        if not steps:
+        again = camera in self._just_jumped
+        self._just_jumped.discard(camera)
+        if again or not steps:
             return False
         dx, dy = median(step[0] for step in steps), median(step[1] for step in steps)
         limit = _JUMP_ALONE if len(steps) == 1 else _JUMP
@@ -70,6 +75,7 @@ class Agreement:
         if math.hypot(dx, dy) < limit or median(off) > 0.5 * math.hypot(dx, dy):
             return False
         self._jumped[camera] = t
+        self._just_jumped.add(camera)
         return True
 
     def judge(self, now: float) -> None:

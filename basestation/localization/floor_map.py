@@ -39,14 +39,16 @@ class FloorMap:
         rays = self.camera.rays(points)
         z = np.broadcast_to(np.asarray(heights, dtype=np.float64), points.shape[:-1])
         view = self.camera.view
-        # Of the plane at height z the camera sees the homography (first, second, z third + fourth column).
-        plane = np.empty((*z.shape, 3, 3))
-        plane[..., :2] = view[:, :2]
-        plane[..., 2] = z[..., None] * view[:, 2] + view[:, 3]
-        ahead = np.concatenate((rays, np.ones((*rays.shape[:-1], 1))), axis=-1)
-        homogeneous = (np.linalg.inv(plane) @ ahead[..., None])[..., 0]
-        depth = homogeneous[..., 2:]
-        metres: Array = homogeneous[..., :2] / np.where(depth > 0.0, depth, np.nan)
+        # On the plane at height z: x first + y second + (z third + fourth) is a multiple of (u, v, 1). Cramer's rule.
+        (au, bu, cu, du), (av, bv, cv, dv), (aw, bw, cw, dw) = view.tolist()
+        u, v = rays[..., 0], rays[..., 1]
+        depth = cw * z + dw
+        off_u, off_v = u * depth - (cu * z + du), v * depth - (cv * z + dv)
+        xu, yu, xv, yv = au - u * aw, bu - u * bw, av - v * aw, bv - v * bw
+        determinant = xu * yv - yu * xv
+        metres = np.stack((off_u * yv - yu * off_v, xu * off_v - off_u * xv), axis=-1)
+        metres /= np.where(determinant == 0.0, np.nan, determinant)[..., None]
+        metres[~(aw * metres[..., 0] + bw * metres[..., 1] + depth > 0.0)] = np.nan
         return metres
 
     def to_pixels(self, points: Array, heights: Array | float = 0.0) -> Array:

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 _SQUARE = np.array((-0.5 + 0.5j, 0.5 + 0.5j, 0.5 - 0.5j, -0.5 - 0.5j))  # a tag of side 1, as printed, clockwise
 _AROUND = np.array(((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)))  # [px]
 _EDGE = 0.15  # width of the picture's edge, in its shorter side
+_CUT = 2.0  # a tag with a corner nearer to the picture's edge than this may be cut off there [px]
+_STILL = np.zeros((4, 2))
 _COAST = 4  # pictures for which a hidden tag is assumed to keep moving
 _SIZE_OFF = 0.3  # relative size error above which a print is not the tag (blur and ink cause 0.05)
 _SHAPE_OFF = 0.15  # maximum root mean square error of the corners from a square, in sides
@@ -34,19 +36,20 @@ _SHAPE_OFF = 0.15  # maximum root mean square error of the corners from a square
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Track:
-    """A recently seen tag: its position (predicted while hidden), its step per picture [px], pictures without it."""
+    """A recently seen tag: its position (predicted while hidden), the step of each corner per picture [px], pictures
+    without it."""
 
     marker: Marker
-    step: tuple[float, float] = (0.0, 0.0)
+    step: Array
     missed: int = 0
 
     def expected(self) -> Marker:
-        return self.marker.moved(*self.step)
+        return Marker(self.marker.id, self.marker.corners + self.step)
 
     def unseen(self) -> _Track:
         # A tag that is hidden for a moment keeps moving; after that its motion is unknown.
         goes_on = self.missed < _COAST
-        return _Track(self.expected(), self.step if goes_on else (0.0, 0.0), self.missed + 1)
+        return _Track(self.expected(), self.step if goes_on else _STILL, self.missed + 1)
 
 
 class Localizer:
@@ -72,7 +75,7 @@ class Localizer:
         detector: for the robots' family of tags.
         tags: from a tag's number to the robot's name and the tag's mounting pose.
         corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures with tags of
-            37 pixels: 0.15 matches the headings, and is conservative by a factor of 2 for the positions.
+            37 pixels: 0.06, and more where light and lens are worse.
         sweep_every: pictures from one whole search to the next.
         search_every: the same while a recently seen tag is missing.
         remember: number of pictures for which a tag is searched after it was last seen.
@@ -85,7 +88,7 @@ class Localizer:
         detector: TagDetector,
         tags: Mapping[int, tuple[str, TagMount]],
         *,
-        corner_noise: float = 0.15,
+        corner_noise: float = 0.1,
         sweep_every: int = 10,
         search_every: int = 3,
         remember: int = 40,
@@ -158,14 +161,15 @@ class Localizer:
         tracks: list[_Track] = []
         for marker in markers:
             same = left.get(marker.id)
-            step = (0.0, 0.0)
+            step = _STILL
             if same:
-                u, v = marker.centre
-                nearest = min(same, key=lambda track: math.dist(track.marker.centre, (u, v)))
+                middle = marker.centre
+                nearest = (
+                    min(same, key=lambda track: math.dist(track.marker.centre, middle)) if len(same) > 1 else same[0]
+                )
                 same.remove(nearest)
-                before = nearest.marker.centre
-                if nearest.missed == 0 and math.dist(before, (u, v)) < marker.side:
-                    step = (u - before[0], v - before[1])
+                if nearest.missed == 0 and math.dist(nearest.marker.centre, middle) < marker.side:
+                    step = marker.corners - nearest.marker.corners
             tracks.append(_Track(marker, step))
         tracks += [track.unseen() for row in left.values() for track in row if track.missed < self._remember]
         self._tracks = tracks
@@ -184,11 +188,14 @@ class Localizer:
         slopes = np.stack((right - left, below - above), axis=-1).tolist()
         poses, sides, misfits = fit_squares(metres[:, :4])
         edge = _EDGE * min(self.floor.camera.width, self.floor.camera.height)
-        insides = (self.floor.margin(corners).min(axis=1) / edge).clip(0.0, 1.0).tolist()
+        margins = self.floor.margin(corners).min(axis=1)
+        insides, cuts = (margins / edge).clip(0.0, 1.0).tolist(), (margins < _CUT).tolist()
         sightings = []
-        for marker, slope, pose, side, misfit, inside in zip(
-            markers, slopes, poses, sides, misfits, insides, strict=True
+        for marker, slope, pose, side, misfit, inside, cut in zip(
+            markers, slopes, poses, sides, misfits, insides, cuts, strict=True
         ):
+            if cut:
+                continue
             name, mount = self.tags[marker.id]
             # Also false for NaN: a tag on the horizon.
             if not (abs(side / mount.size - 1.0) <= _SIZE_OFF and misfit <= _SHAPE_OFF * side):

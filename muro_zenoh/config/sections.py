@@ -189,7 +189,7 @@ class CameraSettings(Section, frozen=True, kw_only=True):
     tilt: Annotated[float, Quantity("rad", at_least=-1.5, at_most=1.5)] | None = None
     fov: Annotated[float, Quantity("rad", at_least=0.01, at_most=3.0)] | None = None
     distortion: Distortion | None = None
-    sigma_pixels: Annotated[float, Quantity("px", above=0.0)] = 0.15
+    sigma_pixels: Annotated[float, Quantity("px", above=0.0)] = 0.1
     jpeg_quality: Annotated[int, Quantity(at_least=0, at_most=100, whole=True)] = 85
 
     @property
