@@ -15,6 +15,7 @@ COMMANDS = {
     **{name: f"muro_zenoh.cli.orders:{name}" for name in ("stop", "resume", "goal", "clear")},
     "set": "muro_zenoh.cli.orders:set_group",
     "topic": "muro_zenoh.cli.topic:topic",
+    "calibrate": "muro_zenoh.cli.calibrate:calibrate",
     "localize": "muro_zenoh.cli.localize:localize",
     "figures": "muro_zenoh.cli.figures:figures",
 }
