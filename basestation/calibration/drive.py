@@ -10,16 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from basestation.calibration.camera import ALL, LENS, Camera, project
+from basestation.calibration.bundle import Bundle, BundleState, Distance
+from basestation.calibration.camera import ALL, Camera, project
 from basestation.calibration.drive_start import first_guess, in_frame, match, tag_poses
-from basestation.calibration.floor_error import FloorError, bound_of, cells_of, floor_slopes, seen
-from basestation.calibration.least_squares import Fitted, fit
+from basestation.calibration.floor_error import cells_of, grid, seen
+from basestation.calibration.least_squares import Fitted
 from basestation.calibration.lens_prior import LensPrior
+from basestation.calibration.shared_map import map_difference, misfit_covariance, shared_slopes
 from basestation.calibration.tag_tracks import Knots
 from basestation.localization.floor_map import FloorMap
 from muro_zenoh.errors import CalibrationError
@@ -31,28 +33,11 @@ _FEWEST: Final = 12
 """Places of the robot that a camera must have seen."""
 _SIZE_OFF: Final = 0.05
 """Greatest relative difference between two measures of the scale: the tag's side, a distance, a camera's height."""
-_PRINT: Final = 0.004
-"""Relative standard deviation of a tag's side that was measured with a ruler."""
 _OUTLIER: Final = 5.0
 """A place is left out when its corners are off by so many times what they are in the middle of all places."""
 _ORIGIN: Final = Pose2(0.0, 0.0, 0.0)
-_UNIT: Final = np.array(((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)))
 _MODEL: Final = 4.0
 """Root mean square error of the corners that no model may exceed, in standard deviations."""
-
-
-class Distance(NamedTuple):
-    """A known distance between two floor tags.
-
-    Attributes:
-        metres: between their middles [m].
-        sigma: its standard deviation [m].
-        pixels: by camera, (2, 2) where it sees their middles [px].
-    """
-
-    metres: float
-    sigma: float
-    pixels: Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,128 +60,6 @@ class DriveFit:
     inflation: float
     scale: float
     left_out: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    cameras: tuple[Camera, ...]
-    places: Array
-    ends: Array
-    log_scale: float
-
-
-class _Bundle:
-    """The least squares of a drive."""
-
-    def __init__(
-        self,
-        priors: Mapping[str, LensPrior],
-        knots: Knots,
-        size: float,
-        height: float,
-        sigma_pixels: float,
-        distance: Distance | None,
-    ) -> None:
-        self.names = tuple(priors)
-        self.priors = tuple(priors.values())
-        self.knots = knots
-        self.size = size
-        self.height = height
-        self.sigma = sigma_pixels
-        self.distance = distance
-        self.count = len(knots.t)
-        self.columns = ALL * len(self.names) + 3 * self.count + (4 if distance else 0) + 1
-
-    def solve(self, cameras: Mapping[str, Camera]) -> Fitted[_State]:
-        places = np.full((self.count, 3), np.nan)
-        for name, camera in reversed(list(cameras.items())):
-            there = self.knots.seen(name)
-            places[there] = tag_poses(camera, self.knots.corners[name][there], self.height)
-        ends = np.zeros((2, 2))
-        if self.distance is not None:
-            for name, pixels in self.distance.pixels.items():
-                ends = FloorMap(cameras[name].model).to_metres(pixels, 0.0)
-        start = _State(tuple(cameras[name] for name in self.names), places, ends, 0.0)
-        self.anchor = start.places[0].copy()
-        return fit(start, self._evaluate, self._adjust)
-
-    def _adjust(self, state: _State, step: Array) -> _State:
-        n = len(self.names)
-        cameras = tuple(camera.adjusted(step[ALL * k : ALL * (k + 1)]) for k, camera in enumerate(state.cameras))
-        after = ALL * n + 3 * self.count
-        places = state.places + step[ALL * n : after].reshape(-1, 3)
-        ends = state.ends + step[after : after + 4].reshape(2, 2) if self.distance else state.ends
-        return _State(cameras, places, ends, state.log_scale + float(step[-1]))
-
-    def _evaluate(self, state: _State) -> tuple[Array, Array]:
-        rows: list[Array] = []
-        slopes: list[Array] = []
-        n = len(self.names)
-        size = self.size * math.exp(state.log_scale)
-        c, s = np.cos(state.places[:, 2]), np.sin(state.places[:, 2])
-        turn = np.stack((np.stack((c, -s), -1), np.stack((s, c), -1)), -2)
-        spokes = size * _UNIT @ turn.transpose(0, 2, 1)  # (K, 4, 2)
-        corners = np.insert(spokes + state.places[:, None, :2], 2, self.height, axis=2)
-        for k, (name, camera) in enumerate(zip(self.names, state.cameras, strict=True)):
-            there = np.flatnonzero(self.knots.seen(name))
-            found, by_camera, by_point = project(camera, corners[there].reshape(-1, 3))
-            rows.append(((found - self.knots.corners[name][there].reshape(-1, 2)) / self.sigma).ravel())
-            block = np.zeros((len(there), 8, self.columns))
-            block[:, :, ALL * k : ALL * (k + 1)] = by_camera.reshape(-1, 8, ALL)
-            flat = by_point[:, :, :2].reshape(-1, 4, 2, 2)
-            around = np.stack((-spokes[there, :, 1], spokes[there, :, 0]), axis=-1)
-            by_place = np.concatenate((flat, flat @ around[..., None]), axis=-1).reshape(-1, 8, 3)
-            for each in range(3):
-                block[np.arange(len(there)), :, ALL * n + 3 * there + each] = by_place[:, :, each]
-            block[:, :, -1] = (flat @ spokes[there][..., None]).reshape(-1, 8)
-            slopes.append(block.reshape(-1, self.columns) / self.sigma)
-            rows.append(self.priors[k].whiten @ (camera.lens - self.priors[k].camera.lens))
-            prior = np.zeros((LENS, self.columns))
-            prior[:, ALL * k : ALL * k + LENS] = self.priors[k].whiten
-            slopes.append(prior)
-        self._add_distance(state, rows, slopes)
-        # The frame is that of the first place: whatever frame it is, the least squares are the same.
-        frame = np.zeros((4, self.columns))
-        frame[:3, ALL * n : ALL * n + 3] = 1e3 * np.eye(3)
-        frame[3, -1] = 1.0 / _PRINT
-        rows.append(np.append(1e3 * (state.places[0] - self.anchor), state.log_scale / _PRINT))
-        slopes.append(frame)
-        return np.concatenate(rows), np.concatenate(slopes)
-
-    def _add_distance(self, state: _State, rows: list[Array], slopes: list[Array]) -> None:
-        if self.distance is None:
-            return
-        at = ALL * len(self.names) + 3 * self.count
-        for name, pixels in self.distance.pixels.items():
-            k = self.names.index(name)
-            found, by_camera, by_point = project(state.cameras[k], np.insert(state.ends, 2, 0.0, axis=1))
-            block = np.zeros((2, 2, self.columns))
-            block[:, :, ALL * k : ALL * (k + 1)] = by_camera
-            for end in range(2):
-                block[end, :, at + 2 * end : at + 2 * end + 2] = by_point[end, :, :2]
-            rows.append((found - pixels).ravel() / self.sigma)
-            slopes.append(block.reshape(4, -1) / self.sigma)
-        between = state.ends[1] - state.ends[0]
-        length = float(np.hypot(*between))
-        row = np.zeros((1, self.columns))
-        row[0, at : at + 4] = np.concatenate((-between, between)) / length / self.distance.sigma
-        rows.append(np.array([(length - self.distance.metres) / self.distance.sigma]))
-        slopes.append(row)
-
-    def off(self, state: _State) -> dict[str, Array]:
-        """By camera, (K,) root mean square distance of the corners [px]; NaN where it did not see them."""
-        residuals, _ = self._evaluate(state)
-        out: dict[str, Array] = {}
-        start = 0
-        for name in self.names:
-            there = self.knots.seen(name)
-            count = 8 * int(there.sum())
-            off = np.full(self.count, np.nan)
-            squares = (self.sigma * residuals[start : start + count]) ** 2
-            off[there] = np.sqrt(squares.reshape(-1, 8).sum(axis=1) / 4.0)
-            out[name] = off
-            start += count + LENS
-        return out
 
 
 def fit_drive(
@@ -256,95 +119,12 @@ def fit_drive(
     return replace(fitted, covariance=inflation * covariance, inflation=inflation)
 
 
-def misfit_covariance(information: Array, misfit: float, count: int) -> Array:
-    """The covariance of the first numbers of a fit.
-
-    Args:
-        information: of all its numbers.
-        misfit: sum of squares per degree of freedom.
-        count: how many numbers.
-    """
-    scale = np.sqrt(np.diag(information))
-    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-13, hermitian=True)
-    covariance: Array = misfit * (inverse / np.outer(scale, scale))[:count, :count]
-    return covariance
-
-
-def drive_error(
-    cameras: Mapping[str, Camera], covariance: Array, floor: Bounds, height: float, cell: float = 0.5
-) -> FloorError:
-    """The bound of the best camera in each cell. How the frame lies in the room is not in it.
-
-    Args:
-        cameras: the cameras.
-        covariance: of all their numbers, in this order.
-        floor: the floor to judge.
-        height: of the tags above it [m].
-        cell: side of a cell [m].
-    """
-    x, y = cells_of(floor, cell)
-    columns, rows = np.meshgrid(x, y)
-    places = np.column_stack((columns.ravel(), rows.ravel()))
-    slopes, index = _stacked(cameras, places, height)
-    bound = bound_of(slopes @ covariance @ slopes.transpose(0, 2, 1))
-    best = np.full(len(places), np.inf)
-    np.minimum.at(best, index, bound)
-    best[~np.isfinite(best)] = np.nan
-    return FloorError(x, y, best.reshape(len(y), len(x)))
-
-
-def map_difference(first: Mapping[str, Camera], second: Mapping[str, Camera], places: Array, height: float) -> Array:
-    """How far apart two sets of cameras see the same pixels, after their frames were brought together.
-
-    Args:
-        first: cameras.
-        second: the same cameras elsewhere.
-        places: (M, 2) [m, in the frame of the first].
-        height: of the tags [m].
-
-    Returns:
-        (N, 2) [m]: for each camera, for each place that it sees.
-    """
-    old, new = [], []
-    for name, camera in first.items():
-        mine = places[seen(camera, places, height)]
-        pixels = project(camera, np.insert(mine, 2, height, axis=1)).pixels
-        old.append(mine)
-        new.append(FloorMap(second[name].model).to_metres(pixels, height))
-    here, there = np.concatenate(old), np.concatenate(new)
-    pose = match(there, here)
-    c, s = math.cos(pose.theta), math.sin(pose.theta)
-    moved = there @ np.array(((c, s), (-s, c))) + (pose.x, pose.y)
-    difference: Array = moved - here
-    return difference
-
-
-def _stacked(cameras: Mapping[str, Camera], places: Array, height: float) -> tuple[Array, NDArray[np.int64]]:
-    """Slopes (N, 2, P) of what each camera sees, without motions of the frame, and the indices of the places."""
-    blocks, indices = [], []
-    for k, camera in enumerate(cameras.values()):
-        mine = np.flatnonzero(seen(camera, places, height))
-        block = np.zeros((len(mine), 2, ALL * len(cameras)))
-        block[:, :, ALL * k : ALL * (k + 1)] = floor_slopes(camera, places[mine], height)
-        blocks.append(block)
-        indices.append(mine)
-    slopes, index = np.concatenate(blocks), np.concatenate(indices)
-    at = places[index]
-    frame = np.zeros((len(at), 2, 3))
-    frame[:, 0, 0] = frame[:, 1, 1] = 1.0
-    frame[:, 0, 2], frame[:, 1, 2] = -at[:, 1], at[:, 0]
-    flat, motions = slopes.reshape(2 * len(at), -1), frame.reshape(-1, 3)
-    left = flat - motions @ np.linalg.lstsq(motions, flat, rcond=None)[0]
-    return left.reshape(slopes.shape), index
-
-
 def _frame_of(
     cameras: Mapping[str, Camera], knots: Knots, known: Mapping[str, Camera], start: Pose2, floor: Bounds, height: float
 ) -> Pose2:
     """The pose of the cameras' frame in the world."""
     x, y = cells_of(floor, 0.25)
-    columns, rows = np.meshgrid(x, y)
-    places = np.column_stack((columns.ravel(), rows.ravel()))
+    places = grid(x, y)
     old, new = [], []
     for name, camera in known.items():
         mine = places[seen(camera, places, height)]
@@ -409,7 +189,7 @@ def _check_roughly(
 
 
 def _check_scale(
-    cameras: Mapping[str, Camera], state: _State, heights: Mapping[str, float], robot: str, size: float, tag: float
+    cameras: Mapping[str, Camera], state: BundleState, heights: Mapping[str, float], robot: str, size: float, tag: float
 ) -> None:
     for name, metres in heights.items():
         hangs = float(cameras[name].model.position[2])
@@ -430,11 +210,11 @@ def _without_outliers(
     sigma: float,
     distance: Distance | None,
     guess: Mapping[str, Camera],
-) -> tuple[Fitted[_State], _Bundle, int]:
+) -> tuple[Fitted[BundleState], Bundle, int]:
     left_out = 0
     total = len(knots.t)
     for _ in range(4):
-        bundle = _Bundle(priors, knots, size, height, sigma, distance)
+        bundle = Bundle(priors, knots, size, height, sigma, distance)
         result = bundle.solve(guess)
         off = bundle.off(result.state)
         middle = float(np.nanmedian(np.concatenate(list(off.values()))))
@@ -470,7 +250,7 @@ def _kept(knots: Knots) -> Knots:
 
 
 def _disagreement(
-    priors: Mapping[str, LensPrior], bundle: _Bundle, cameras: Mapping[str, Camera], floor: Bounds
+    priors: Mapping[str, LensPrior], bundle: Bundle, cameras: Mapping[str, Camera], floor: Bounds
 ) -> float:
     """How much more the maps of two halves of the drive differ than their covariances allow, in squares."""
     halves = []
@@ -478,7 +258,7 @@ def _disagreement(
         # Stretches of four places: neighbours have errors in common.
         used = (np.arange(bundle.count) // 4) % 2 == rest
         part = Knots(bundle.knots.t[used], {name: each[used] for name, each in bundle.knots.corners.items()})
-        half = _Bundle(priors, part, bundle.size, bundle.height, bundle.sigma, bundle.distance)
+        half = Bundle(priors, part, bundle.size, bundle.height, bundle.sigma, bundle.distance)
         result = half.solve(cameras)
         free = max(len(result.residuals) - half.columns, 1)
         misfit = max(float(result.residuals @ result.residuals) / free, 1.0)
@@ -486,9 +266,8 @@ def _disagreement(
         halves.append((dict(zip(half.names, result.state.cameras, strict=True)), covariance))
     (first, a), (second, b) = halves
     x, y = cells_of(floor, 0.25)
-    columns, rows = np.meshgrid(x, y)
-    places = np.column_stack((columns.ravel(), rows.ravel()))
+    places = grid(x, y)
     apart = map_difference(first, second, places, bundle.height)
-    slopes, _ = _stacked(first, places, bundle.height)
+    slopes, _ = shared_slopes(first, places, bundle.height)
     expected = np.trace(slopes @ (a + b) @ slopes.transpose(0, 2, 1), axis1=1, axis2=2)
     return max(1.0, float(((apart**2).sum(axis=1) / expected).mean()))

@@ -8,11 +8,13 @@ from typing import Final
 
 import numpy as np
 
+from basestation.calibration.bundle import Distance
 from basestation.calibration.camera import Camera
-from basestation.calibration.drive import Distance, DriveFit, drive_error, fit_drive
+from basestation.calibration.drive import DriveFit, fit_drive
 from basestation.calibration.files import lens_of, placed_camera, read_lens
 from basestation.calibration.floor_error import FloorError
 from basestation.calibration.lens_prior import LensPrior
+from basestation.calibration.shared_map import shared_error
 from basestation.calibration.sources import floor_tag
 from basestation.calibration.tag_tracks import Seen, knots_of, load_tags, look_for_tags, save_tags
 from basestation.localization.detector import TagDetector
@@ -137,7 +139,7 @@ class DriveSession:
             start=self._start,
             floor=self.scenario.arena,
         )
-        error = drive_error(result.cameras, result.covariance, self.scenario.arena, self.mount.z)
+        error = shared_error(result.cameras, result.covariance, self.scenario.arena, self.mount.z)
         return result, error
 
     def _prior(self, name: str) -> LensPrior:

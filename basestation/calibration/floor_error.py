@@ -70,7 +70,7 @@ def floor_error(camera: Camera, covariance: Array, bounds: Bounds, height: float
         cell: side of a cell [m].
     """
     x, y = cells_of(bounds, cell)
-    places = _grid(x, y)
+    places = grid(x, y)
     slopes = floor_slopes(camera, places, height)
     bound = bound_of(slopes @ covariance @ slopes.transpose(0, 2, 1))
     bound[~seen(camera, places, height)] = np.nan
@@ -89,7 +89,7 @@ def lens_error(camera: Camera, covariance: Array, height: float, cells: int = 8)
         cells: in the picture's width.
     """
     hung, x, y = _hung(camera, height, cells)
-    slopes = floor_slopes(hung, _grid(x, y), 0.0)
+    slopes = floor_slopes(hung, grid(x, y), 0.0)
     flat = slopes.reshape(-1, slopes.shape[-1])
     lens = remainder(flat, flat[:, :LENS]).reshape(-1, 2, LENS)
     bound = bound_of(lens @ covariance @ lens.transpose(0, 2, 1))
@@ -109,7 +109,7 @@ def lens_difference(first: Camera, second: Camera, height: float, cells: int = 8
         (R, C, 2) [m].
     """
     hung, x, y = _hung(first, height, cells)
-    places = _grid(x, y)
+    places = grid(x, y)
     other = Camera(hung.width, hung.height, second.lens, hung.turn, hung.shift)
     pixels = project(hung, np.insert(places, 2, 0.0, axis=1)).pixels
     off = (FloorMap(other.model).to_metres(pixels) - places).reshape(-1, 1)
@@ -185,6 +185,15 @@ def _hung(camera: Camera, height: float, cells: int) -> tuple[Camera, Array, Arr
     return hung, x, y
 
 
-def _grid(x: Array, y: Array) -> Array:
+def grid(x: Array, y: Array) -> Array:
+    """The middles of all cells, row by row.
+
+    Args:
+        x: (C,) of the columns [m].
+        y: (R,) of the rows [m].
+
+    Returns:
+        (R C, 2) [m].
+    """
     columns, rows = np.meshgrid(x, y)
     return np.column_stack((columns.ravel(), rows.ravel()))

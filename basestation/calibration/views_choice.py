@@ -55,7 +55,7 @@ def check_views(
             f"{'; '.join(dropped)}. Hold the board still, and light it well. Remove "
             f"{'this picture' if len(blurred) == 1 else 'these pictures'}, or leave out such views with --drop"
         )
-    if len(kept) > 1:
+    if len(kept) >= _DIFFERENT:  # with fewer there is more to say than that they are alike
         _check_spread(kept, size)
     return kept, dropped
 
@@ -100,7 +100,7 @@ def _check_spread(views: Sequence[BoardView], size: tuple[int, int]) -> None:
     for k, outline in enumerate(outlines):
         if all(_apart(outline, outlines[other]) > _ALIKE for other in different):
             different.append(k)
-    if len(views) >= _DIFFERENT and len(different) < _DIFFERENT:
+    if len(different) < _DIFFERENT:
         alike = [view.name for k, view in enumerate(views) if k not in different]
         shown = ", ".join(alike[:8]) + (" and others" if len(alike) > 8 else "")
         raise CalibrationError(

@@ -13,12 +13,14 @@ from scipy.optimize import least_squares as oracle
 from basestation.calibration.arena import Landmark, fit_arena
 from basestation.calibration.board import Board
 from basestation.calibration.board_views import BoardFinder, BoardView
+from basestation.calibration.bundle import Distance
 from basestation.calibration.camera import ALL, Camera, camera_of, project
-from basestation.calibration.drive import Distance, DriveFit, fit_drive, map_difference
+from basestation.calibration.drive import DriveFit, fit_drive
 from basestation.calibration.floor_error import floor_error, lens_difference
 from basestation.calibration.least_squares import fit
 from basestation.calibration.lens import LensFit, fit_lens
 from basestation.calibration.lens_prior import LensPrior
+from basestation.calibration.shared_map import map_difference
 from basestation.calibration.tag_tracks import Knots
 from basestation.localization.floor_map import FloorMap
 from muro_zenoh.errors import CalibrationError, ParameterError
