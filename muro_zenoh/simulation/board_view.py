@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from muro_zenoh.optics.camera_model import CameraModel
+from muro_zenoh.optics.camera_model import CameraModel, rotation_matrix
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -72,3 +74,41 @@ class BoardCamera:
         noisy = np.asarray(picture) + rng.normal(0.0, noise, picture.shape)
         exposed: Picture = np.rint(noisy).clip(0, 255).astype(np.uint8)
         return exposed
+
+
+def hold_board(
+    model: CameraModel,
+    texture: Picture,
+    texel: float,
+    count: int,
+    seed: int,
+    *,
+    tilt: float = 0.6,
+    spread: float = 1.0,
+    blurred: Mapping[int, float] | None = None,
+) -> list[Picture]:
+    """Pictures of a board that a hand moves about.
+
+    Args:
+        model: the camera.
+        texture: the print, grey.
+        texel: side of one of its texels [m].
+        count: of the pictures.
+        seed: of places and noise.
+        tilt: of the board, at most [rad].
+        spread: how far about, 1 for all of the picture.
+        blurred: standard deviation of the blur by number of the picture [px]; 0.7 for the others.
+    """
+    rng = np.random.default_rng(seed)
+    lens = BoardCamera(model)
+    size = texel * np.array(texture.shape[::-1])
+    picture = np.array((model.width, model.height))
+    pictures = []
+    for k in range(count):
+        distance = rng.uniform(1.7, 2.5) * model.focal[0] * size[0] / model.width
+        ray = model.rays(0.5 * picture + 0.28 * spread * rng.uniform(-1.0, 1.0, 2) * picture)
+        across, down = (tilt * rng.uniform(-1.0, 1.0, 2)).tolist()
+        turn = rotation_matrix((across, down, 0.0)) @ rotation_matrix((0.0, 0.0, rng.uniform(-0.4, 0.4)))
+        shift = distance * np.array((*ray, 1.0)) - turn @ np.array((*(0.5 * size), 0.0))
+        pictures.append(lens.render(texture, texel, turn, shift, rng, blur=(blurred or {}).get(k, 0.7)))
+    return pictures
