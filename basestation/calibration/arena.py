@@ -18,6 +18,7 @@ from basestation.calibration.least_squares import fit
 from basestation.calibration.lens_prior import LensPrior
 from basestation.localization.floor_map import FloorMap
 from muro_zenoh.errors import CalibrationError
+from muro_zenoh.wording import counted
 
 Array = NDArray[np.float64]
 
@@ -76,8 +77,8 @@ def fit_arena(lens: LensPrior, points: Sequence[Landmark], *, sigma_pixels: floa
     if len(points) < 4:
         names = ", ".join(point.name for point in points) or "none"
         raise CalibrationError(
-            f"got {len(points)} points with known places in the picture ({names}), expected at least 4, better 6. "
-            "Are the tags uncovered, flat and lit, and their numbers and --family right?"
+            f"got {counted(len(points), 'point')} with known places in the picture ({names}), expected at least 4, "
+            "better 6. Are the tags uncovered, flat and lit, and their numbers and --family right?"
         )
     _check_shape(points)
     problem = _Problem(lens, sigma_pixels, sigma_metres)

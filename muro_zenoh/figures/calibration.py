@@ -97,7 +97,7 @@ def print_sheets(path: Path, board: Board, tags: list[Tag], paper: str) -> int:
     with style():
         from matplotlib.backends.backend_pdf import PdfPages
 
-        figures = list(_figures(board, tags, paper))
+        figures = list(sheets(board, tags, paper))
         try:
             with PdfPages(path, metadata={"CreationDate": None}) as pdf:
                 for figure in figures:
@@ -107,7 +107,17 @@ def print_sheets(path: Path, board: Board, tags: list[Tag], paper: str) -> int:
     return len(figures)
 
 
-def _figures(board: Board, tags: list[Tag], paper: str) -> Iterator[Figure]:
+def sheets(board: Board, tags: list[Tag], paper: str) -> Iterator[Figure]:
+    """The sheets, the board first; called within :func:`~muro_zenoh.figures.canvas.style`.
+
+    Args:
+        board: the board.
+        tags: the tags.
+        paper: one of ``PAPERS``.
+
+    Raises:
+        MuroError: something is larger than the paper.
+    """
     text = (
         f"{board.columns} x {board.rows} squares of {1e3 * board.square:g} mm, tags of {1e3 * board.marker:g} mm, "
         f"{board.family}"
@@ -128,7 +138,7 @@ def _page(
 ) -> Figure:
     """A sheet with a picture in the middle, a text under it, and a ruler to check the printer with."""
     width, height = paper
-    foot = 0.012
+    foot = 0.016
     if size[0] > width - 2.0 * _MARGIN + 1e-9 or size[1] > height - foot - 2.0 * _MARGIN + 1e-9:
         most = f"{1e3 * (width - 2 * _MARGIN):.0f} x {1e3 * (height - foot - 2 * _MARGIN):.0f}"
         got = f"{1e3 * size[0]:.0f} x {1e3 * size[1]:.0f}"
@@ -144,8 +154,8 @@ def _page(
     from matplotlib.collections import PolyCollection
 
     axes.add_collection(PolyCollection(_ink(picture, size, left, low), facecolors="black", edgecolors="none"))
-    axes.text(0.5 * width, 0.006, f"{text}.  Print at 100 %: the line is 100 mm", ha="center", va="bottom", fontsize=7)
-    axes.plot((0.5 * width - 0.05, 0.5 * width + 0.05), (0.0045, 0.0045), color="black", linewidth=0.6)
+    axes.text(0.5 * width, 0.0105, f"{text}.  Print at 100 %: the line is 100 mm", ha="center", va="bottom", fontsize=7)
+    axes.plot((0.5 * width - 0.05, 0.5 * width + 0.05), (0.0085, 0.0085), color="black", linewidth=0.6)
     return figure
 
 
