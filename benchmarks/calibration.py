@@ -29,6 +29,7 @@ from basestation.calibration.board_views import BoardFinder, BoardView
 from basestation.calibration.bundle import Distance
 from basestation.calibration.camera import Camera, camera_of
 from basestation.calibration.drive import fit_drive
+from basestation.calibration.edges import on_edges
 from basestation.calibration.floor_error import bound_of, cells_of, floor_error, grid, lens_difference
 from basestation.calibration.lens import fit_lens
 from basestation.calibration.lens_prior import LensPrior
@@ -79,8 +80,11 @@ def floor_tags(film: OverheadCamera, places: Array, rng: np.random.Generator) ->
     detector = TagDetector()
     seen = defaultdict(list)
     for _ in range(4):
-        for marker in detector.detect(film.render(poses, mounts, [0.01] * len(mounts), rng), wanted=len(mounts)):
-            seen[marker.id].append(marker.corners)
+        picture = film.render(poses, mounts, [0.01] * len(mounts), rng)
+        for marker in detector.detect(picture, wanted=len(mounts)):
+            sharp = on_edges(picture, marker)
+            if sharp is not None:
+                seen[marker.id].append(sharp.corners)
     return {number: floor_tag(number, np.stack(corners)) for number, corners in seen.items()}
 
 
@@ -93,10 +97,13 @@ def film_drive(
     mounts = [mount, TagMount(44, 0.16), TagMount(45, 0.16)]
     rows = []
     for name, film in films.items():
-        detector = TagDetector()
+        detector = TagDetector()  # the pictures are too far apart for a search around the last place
         for k, pose in enumerate(poses):
             picture = film.render(np.array((pose, (*ENDS[0], 0.3), (*ENDS[1], 1.0))), mounts, [0.17, 0.01, 0.01], rng)
-            rows += [Seen(80.0 * u[k], name, marker.id, marker.corners) for marker in detector.detect(picture)]
+            for marker in detector.detect(picture):
+                sharp = on_edges(picture, marker)
+                if sharp is not None:
+                    rows.append(Seen(80.0 * u[k], name, sharp.id, sharp.corners))
     return rows, Pose2(*poses[0].tolist()).compose(mount.pose)
 
 

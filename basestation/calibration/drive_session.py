@@ -16,7 +16,7 @@ from basestation.calibration.floor_error import FloorError
 from basestation.calibration.lens_prior import LensPrior
 from basestation.calibration.shared_map import shared_error
 from basestation.calibration.sources import floor_tag
-from basestation.calibration.tag_tracks import Seen, knots_of, load_tags, look_for_tags, save_tags
+from basestation.calibration.tag_tracks import Seen, TagSearch, knots_of, load_tags, look_for_tags, save_tags
 from basestation.localization.detector import TagDetector
 from basestation.sources.recordings import open_recording
 from muro_zenoh.config import Scenario
@@ -87,8 +87,8 @@ class DriveSession:
             raise ConfigError("--recording", got=repr(camera), expected=f"one of {', '.join(self.scenario.camera)}")
         source = open_recording(path, rate)
         try:
-            detector = TagDetector(self.scenario.camera[camera].family)
-            return look_for_tags(camera, source, detector, self.mount.id, seconds, on_picture)
+            search = TagSearch(TagDetector(self.scenario.camera[camera].family), self.mount.id)
+            return look_for_tags(camera, source, search, seconds, on_picture)
         finally:
             source.close()
 

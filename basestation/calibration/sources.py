@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basestation.calibration.board_views import BoardFinder, BoardView
+from basestation.calibration.edges import on_edges
 from basestation.localization.detector import TagDetector
 from basestation.sources.recordings import image_files, is_image, open_recording, read_image
 from basestation.sources.source import Picture
@@ -118,7 +119,9 @@ def floor_tags(
         if twice is not None:
             raise CalibrationError(f"{name}: tag {twice} is seen twice, expected once. Cover the one, or a mirror")
         for marker in markers:
-            found.setdefault(marker.id, []).append(marker.corners)
+            sharp = on_edges(image, marker)
+            if sharp is not None:
+                found.setdefault(marker.id, []).append(sharp.corners)
         on_picture()
     return {number: floor_tag(number, np.stack(found[number])) for number in sorted(found)}
 

@@ -10,8 +10,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from basestation.calibration.edges import on_edges
 from basestation.localization.detector import TagDetector
-from basestation.localization.markers import Marker
+from basestation.localization.markers import Marker, Picture
 from basestation.sources.source import FrameSource
 from muro_zenoh.errors import CalibrationError, CameraError
 
@@ -44,22 +45,46 @@ class Seen(NamedTuple):
     corners: Array
 
 
+class TagSearch:
+    """Finds the tags in one camera's pictures: around the one that drives, and now and then all.
+
+    Args:
+        detector: finds the tags.
+        wanted: number of the tag that drives.
+    """
+
+    def __init__(self, detector: TagDetector, wanted: int) -> None:
+        self._detector = detector
+        self._wanted = wanted
+        self._last: list[Marker] = []
+        self._count = 0
+
+    def look(self, image: Picture) -> list[Marker]:
+        """The tags in the next picture.
+
+        Args:
+            image: (height, width), grey.
+        """
+        whole = self._count % _SEARCH_EVERY == 0
+        self._count += 1
+        markers = self._detector.detect(image) if whole else self._detector.detect_near(image, self._last)
+        self._last = [marker for marker in markers if marker.id == self._wanted]
+        return [sharp for marker in markers if (sharp := on_edges(image, marker)) is not None]
+
+
 def look_for_tags(
-    camera: str, source: FrameSource, detector: TagDetector, wanted: int, seconds: float, on_picture: Callable[[], None]
+    camera: str, source: FrameSource, search: TagSearch, seconds: float, on_picture: Callable[[], None]
 ) -> list[Seen]:
     """All tags in the pictures of a recording.
 
     Args:
         camera: that took it.
         source: the recording.
-        detector: finds the tags.
-        wanted: number of the tag that drives.
+        search: finds the tags.
         seconds: to look at, at most [s].
         on_picture: called after each picture.
     """
     found: list[Seen] = []
-    last: Marker | None = None
-    count = 0
     while True:
         try:
             shot = source.read()
@@ -67,12 +92,7 @@ def look_for_tags(
             continue
         if shot is None or shot.t > seconds:
             return found
-        whole = count % _SEARCH_EVERY == 0
-        near = [last] if last is not None else []
-        markers = detector.detect(shot.image) if whole else detector.detect_near(shot.image, near)
-        found += [Seen(shot.t, camera, marker.id, marker.corners) for marker in markers]
-        last = next((marker for marker in markers if marker.id == wanted), None)
-        count += 1
+        found += [Seen(shot.t, camera, marker.id, marker.corners) for marker in search.look(shot.image)]
         on_picture()
 
 

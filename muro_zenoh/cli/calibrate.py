@@ -19,11 +19,14 @@ from muro_zenoh.cli.calibrate_options import (
     place,
     start_of,
 )
-from muro_zenoh.cli.options import example
+from muro_zenoh.cli.options import BusFlags, bus_options, example
 from muro_zenoh.errors import ConfigError
 
 if TYPE_CHECKING:
+    from basestation.calibration.drive_session import DriveSession
     from basestation.calibration.floor_error import FloorError
+    from basestation.calibration.tag_tracks import Seen
+    from muro_zenoh.config import BusSettings
 
 _PATH = click.Path(path_type=Path)
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -203,8 +206,12 @@ def arena(
 @click.option("--rate", default=20.0, show_default=True, help="Of directories of images [Hz].")
 @click.option("--out", metavar="DIR", required=True, type=click.Path(file_okay=False, path_type=Path), help="Folder.")
 @click.option("--map", "picture", metavar="FILE", type=_FILE, help="Also the map of the error as PNG.")
-def drive(robot: str, fleet: str, out: Path, picture: Path | None, **given: Any) -> None:
-    """Place all cameras in one frame from a drive of ROBOT under them, of at most 90 s."""
+@bus_options
+def drive(robot: str, fleet: str, out: Path, picture: Path | None, bus: BusFlags, **given: Any) -> None:
+    """Place all cameras in one frame from a drive of ROBOT under them, of at most 90 s.
+
+    Without --recording and --from, the running cameras (muro camera, muro sim) are watched while the robot drives.
+    """
     from basestation.calibration.drive_session import DriveSession
     from basestation.calibration.files import write_camera
     from muro_zenoh.config import find_scenario
@@ -217,14 +224,15 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, **given: Any)
         distance=distance_of(given["distance"]),
         start=start_of(given["start"]),
     )
+    recordings = {name: Path(path) for name, path in pairs(given["recordings"], "--recording").items()}
     if given["seen"] is not None:
         rows = session.load(given["seen"])
-    else:
-        recordings = {name: Path(path) for name, path in pairs(given["recordings"], "--recording").items()}
+    elif recordings:
         rows = []
         for name, path in recordings.items():
-            look = partial(session.look, name, path, given["rate"], given["seconds"])
-            rows += _with_bar(path, look)
+            rows += _with_bar(path, partial(session.look, name, path, given["rate"], given["seconds"]))
+    else:
+        rows = _watch(session, bus(session.scenario.bus), given["seconds"])
     if given["save"] is not None:
         session.save(given["save"], rows)
     result, error = session.fit(rows)
@@ -243,6 +251,27 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, **given: Any)
         write_camera(out / f"{name}.toml", camera, result.covariance[block, block], ("muro calibrate drive", *facts))
         click.echo(f'{out / f"{name}.toml"}: in the fleet file, [camera.{name}] calibration = "{name}.toml"')
     _draw(picture, error, "all cameras, 95 % bound")
+
+
+def _watch(session: DriveSession, settings: BusSettings, seconds: float) -> list[Seen]:
+    """What the running cameras see of the drive."""
+    import asyncio
+
+    from basestation.calibration.watching import watch_drive
+    from muro_zenoh.channels import Role
+    from muro_zenoh.runtime.process import worker_threads
+    from muro_zenoh.transport import open_bus
+
+    cameras = session.scenario.camera
+    click.echo(f"watching {', '.join(cameras)} for {seconds:g} s: drive {session.robot} all over the floor")
+
+    async def watch(advance: Callable[[], None]) -> list[Seen]:
+        with worker_threads(len(cameras), "watch") as threads:
+            async with open_bus(settings, Role.OPERATOR) as bus:
+                return await watch_drive(bus, session.scenario, session.mount.id, seconds, threads, advance)
+
+    found: list[Seen] = _with_bar(Path("pictures"), lambda advance: asyncio.run(watch(advance)))
+    return found
 
 
 def _with_bar(source: Path, work: Callable[[Callable[[], None]], Any]) -> Any:

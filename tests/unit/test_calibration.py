@@ -16,16 +16,20 @@ from basestation.calibration.board_views import BoardFinder, BoardView
 from basestation.calibration.bundle import Distance
 from basestation.calibration.camera import ALL, Camera, camera_of, project
 from basestation.calibration.drive import DriveFit, fit_drive
+from basestation.calibration.edges import on_edges
 from basestation.calibration.floor_error import floor_error, lens_difference
 from basestation.calibration.least_squares import fit
 from basestation.calibration.lens import LensFit, fit_lens
 from basestation.calibration.lens_prior import LensPrior
 from basestation.calibration.shared_map import map_difference
 from basestation.calibration.tag_tracks import Knots
+from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
+from basestation.localization.markers import Marker
 from muro_zenoh.errors import CalibrationError, ParameterError
-from muro_zenoh.geometry import Bounds, Pose2
+from muro_zenoh.geometry import Bounds, Pose2, TagMount
 from muro_zenoh.optics.camera_model import hung, rotation_matrix, rotation_vector
+from muro_zenoh.simulation.camera import OverheadCamera
 from tests.support.boards import board_pictures
 
 LENS = (-0.1, 0.03, 0.001, -0.0007, 0.0)
@@ -91,6 +95,30 @@ class TestMathematics:
         for vector in (*rng.normal(size=(20, 3)), np.zeros(3), (math.pi - 1e-9, 0.0, 0.0), (0.0, math.pi, 0.0)):
             turn = rotation_matrix(tuple(vector))
             assert rotation_matrix(rotation_vector(turn)) == pytest.approx(turn, abs=1e-12)
+
+
+class TestEdges:
+    @pytest.mark.parametrize("blur", [0.5, 1.2])
+    def test_a_tag_is_as_large_as_it_is_however_blurred(self, blur: float) -> None:
+        model = hung(960, 540, position=(0.0, 0.0, 2.0), fov=1.2, distortion=LENS)
+        film, mount = OverheadCamera(model, blur=blur), TagMount(7, 0.16)
+        rng = np.random.default_rng(0)
+        ratios, off = [], []
+        for pose in ((0.1, 0.1, 0.3), (0.9, 0.4, 1.0), (-0.8, -0.4, 2.0)):
+            picture = film.render(np.array([pose]), [mount], [0.01], rng)
+            (found,) = TagDetector().detect(picture)
+            sharp, true = on_edges(picture, found), film.tag_corners(np.array(pose), mount)
+            assert sharp is not None
+            ratios.append(sharp.side / Marker(7, true).side)
+            off.append(np.abs(sharp.corners - true).max())
+        assert np.mean(ratios) == pytest.approx(1.0, abs=2e-3)
+        assert max(off) < 0.15
+
+    def test_a_tag_at_the_edge_of_the_picture_or_without_contrast_is_not_used(self) -> None:
+        square = np.array(((0.5, 0.5), (40.5, 0.5), (40.5, 40.5), (0.5, 40.5)))
+        picture = np.full((90, 90), 100, dtype=np.uint8)
+        assert on_edges(picture, Marker(7, square)) is None
+        assert on_edges(picture, Marker(7, square + 20.0)) is None
 
 
 class TestLens:
