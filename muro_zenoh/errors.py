@@ -8,6 +8,7 @@
     │   └── ParameterError        an invalid parameter of a law or a behaviour, alone or with the others
     ├── MessageError              bytes from the network that are not the message expected on their key
     ├── CameraError               a camera or a recording gives no pictures
+    ├── CalibrationError          pictures or measurements that make no good calibration
     ├── TransportError            an operation of the bus failed
     │   ├── NotConnected          no router answered at the given endpoints
     │   └── NoReply               no answer to an order within the timeout
@@ -63,6 +64,10 @@ class MessageError(MuroError):
 
 class CameraError(MuroError):
     """A camera or a recording gives no pictures."""
+
+
+class CalibrationError(MuroError):
+    """Pictures or measurements that make no good calibration; its text has which of them, and what to do."""
 
 
 class TransportError(MuroError):

@@ -1,1 +1,1 @@
-"""Finds out where a camera is, and how sure that is: in millimetres on the floor."""
+"""Calibrates cameras: from pictures of boards, floor tags and a drive to lens and place, and a bound on their error."""

@@ -1,72 +1,119 @@
-"""Reads marks, writes calibrations, and draws the heat map of the bound as text."""
+"""Lenses and calibrations as TOML files."""
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import cv2
+import numpy as np
+from numpy.typing import NDArray
 
-from basestation.calibration.arena import Mark
-from muro_zenoh.errors import CameraError
-from muro_zenoh.optics.camera_model import CameraModel
+from basestation.calibration.camera import LENS, Camera, camera_of
+from basestation.calibration.lens_prior import LensPrior
+from muro_zenoh.config.calibration_file import read_calibration_file
+from muro_zenoh.config.cameras import calibrated_model
+from muro_zenoh.config.sections import CalibrationSettings, LensSettings
+from muro_zenoh.errors import CalibrationError
+from muro_zenoh.optics.camera_model import rotation_vector
 
-_COLUMNS = ("name", "u", "v", "x", "y", "z")
+Array = NDArray[np.float64]
+
+_GUESSED = np.array((3.0, 3.0, 3.0, 3.0, 3e-3, 3e-3, 3e-4, 3e-4, 3e-3))
+"""Standard deviations of a lens that comes without any, such as one that somebody else calibrated."""
 
 
-def read_marks(path: Path) -> list[Mark]:
-    """Marks of a CSV file with the columns name, u, v [px], x, y and, if not 0, z [m].
+def write_lens(path: Path, camera: Camera, covariance: Array, notes: Sequence[str]) -> None:
+    """Write a lens.
+
+    Args:
+        path: the file.
+        camera: the camera with the lens.
+        covariance: (9, 9) of it.
+        notes: comments for people, at the top.
+
+    Raises:
+        CalibrationError: the file cannot be written.
+    """
+    _write(path, notes, _lens_lines(camera), covariance)
+
+
+def write_camera(path: Path, camera: Camera, covariance: Array, notes: Sequence[str]) -> None:
+    """Write the calibration of a camera, as ``calibration = "FILE"`` in the fleet file names it.
+
+    Args:
+        path: the file.
+        camera: the camera.
+        covariance: (15, 15) of it, or (9, 9) of its lens.
+        notes: comments for people, at the top.
+
+    Raises:
+        CalibrationError: the file cannot be written.
+    """
+    place = (
+        f"position = {_row(camera.model.position, 6)} # [m, world]",
+        f"rotation = {_row(rotation_vector(camera.turn), 9)} # rotation vector, world to camera [rad]",
+    )
+    _write(path, notes, (*_lens_lines(camera), *place), covariance[:LENS, :LENS])
+
+
+def read_lens(path: Path) -> LensPrior:
+    """A lens, from its own file or from a camera's calibration.
 
     Args:
         path: the file.
 
     Raises:
-        CameraError: no such file, a missing column, a name twice, or a value that is not a finite number.
+        ConfigError: no such file, or something else in it.
     """
+    return lens_of(read_calibration_file(path))
+
+
+def lens_of(settings: LensSettings) -> LensPrior:
+    """A lens.
+
+    Args:
+        settings: its file, or a camera's calibration.
+    """
+    lens = np.array((*settings.focal, *settings.centre, *settings.distortion))
+    camera = Camera(settings.width, settings.height, lens, np.eye(3), np.zeros(3))
+    return LensPrior(camera, _covariance(settings))
+
+
+def placed_camera(settings: CalibrationSettings) -> Camera:
+    """A camera with its place.
+
+    Args:
+        settings: its calibration.
+    """
+    return camera_of(calibrated_model(settings))
+
+
+def _covariance(settings: LensSettings) -> Array:
+    if not settings.lens_covariance:
+        covariance: Array = np.diag(_GUESSED**2)
+        return covariance
+    return np.array(settings.lens_covariance, dtype=np.float64)
+
+
+def _lens_lines(camera: Camera) -> tuple[str, ...]:
+    return (
+        f"width = {camera.width}",
+        f"height = {camera.height}",
+        f"focal = {_row(camera.lens[:2], 4)} # [px]",
+        f"centre = {_row(camera.lens[2:4], 4)} # [px]",
+        f"distortion = {_row(camera.lens[4:], 9)} # k1, k2, p1, p2, k3",
+    )
+
+
+def _write(path: Path, notes: Sequence[str], lines: Iterable[str], covariance: Array) -> None:
+    rows = ",\n".join(f"  [{', '.join(f'{number:.6e}' for number in row)}]" for row in covariance.tolist())
+    comments = [f"# {note}" for note in notes]
+    text = "\n".join((*comments, *lines, "# of focal, centre and distortion", f"lens_covariance = [\n{rows},\n]", ""))
     try:
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
-    except (OSError, UnicodeDecodeError) as error:
-        raise CameraError(f"{path}: got {error}, expected a CSV file with {', '.join(_COLUMNS)}") from None
-    marks: list[Mark] = []
-    for number, row in enumerate(rows, start=2):
-        try:
-            u, v, x, y, z = (float(row.get(key) or (0.0 if key == "z" else "nothing")) for key in _COLUMNS[1:])
-        except ValueError:
-            raise CameraError(f"{path}, line {number}: got {row}, expected name, u, v, x, y as numbers") from None
-        name = row.get("name") or f"line {number}"
-        if not all(map(math.isfinite, (u, v, x, y, z))) or any(mark.name == name for mark in marks):
-            raise CameraError(f"{path}, line {number}: got {row}, expected a name of its own and finite numbers")
-        marks.append(Mark(name, u, v, x, y, z))
-    return marks
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CalibrationError(f"{path}: cannot be written ({error.strerror}). Choose another --out") from error
 
 
-def calibration_text(camera: CameraModel, heading: Sequence[str]) -> str:
-    """A calibration file.
-
-    Args:
-        camera: the calibrated camera.
-        heading: lines of comment.
-    """
-    rotation = cv2.Rodrigues(camera.view[:, :3])[0]
-    rows = {
-        "focal": camera.focal,
-        "centre": camera.centre,
-        "distortion": camera.distortion,
-        "position": camera.position.tolist(),
-        "rotation": rotation.ravel().tolist(),
-    }
-    lines = [*(f"# {line}" for line in heading), f"width = {camera.width}", f"height = {camera.height}"]
-    lines += [f"{key} = [{', '.join(f'{float(number)!r}' for number in row)}]" for key, row in rows.items()]
-    return "\n".join(lines) + "\n"
-
-
-def heat_map(bounds: Sequence[Sequence[float]]) -> str:
-    """The bound of each cell in millimetres, from the arena's upper edge down; a dot where the camera does not look.
-
-    Args:
-        bounds: rows of cells [m].
-    """
-    return "\n".join(" ".join(f"{'.' if math.isnan(b) else f'{1e3 * b:.1f}':>6}" for b in row) for row in bounds)
+def _row(numbers: Iterable[float], digits: int) -> str:
+    return f"[{', '.join(f'{float(number):.{digits}f}' for number in numbers)}]"

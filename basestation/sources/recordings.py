@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 
-from basestation.sources.source import FrameSource, Shot, grey
+from basestation.sources.source import FrameSource, Picture, Shot, grey
 from muro_zenoh.errors import CameraError
 
 _IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
@@ -75,7 +75,7 @@ class ImageDirectory:
 
     def __init__(self, path: Path, rate: float) -> None:
         self.name = str(path)
-        self._files = sorted(file for file in path.iterdir() if file.suffix.lower() in _IMAGES)
+        self._files = image_files(path)
         if not self._files:
             raise CameraError(f"{path}: got no images, expected files that end with {' '.join(_IMAGES)}")
         self.length: int | None = len(self._files)
@@ -92,13 +92,43 @@ class ImageDirectory:
             return None
         file = self._files[self._next]
         self._next += 1
-        image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
-        if image is None:
-            raise CameraError(f"{file}: got a file that is no image, or a damaged one, expected an image")
-        return Shot(grey(image), (self._next - 1) / self._rate)
+        return Shot(read_image(file), (self._next - 1) / self._rate)
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+def image_files(path: Path) -> list[Path]:
+    """The images of a directory, in the order of their names.
+
+    Args:
+        path: the directory.
+    """
+    return sorted(file for file in path.iterdir() if file.suffix.lower() in _IMAGES)
+
+
+def is_image(path: Path) -> bool:
+    """Whether a path is a single image, by its ending.
+
+    Args:
+        path: the path.
+    """
+    return path.is_file() and path.suffix.lower() in _IMAGES
+
+
+def read_image(path: Path) -> Picture:
+    """A grey image from a file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        CameraError: it is not an image.
+    """
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if image is None:
+        raise CameraError(f"{path}: got a file that is no image, or a damaged one, expected an image")
+    return grey(image)
 
 
 def open_recording(path: Path, rate: float) -> FrameSource:

@@ -15,8 +15,8 @@ COMMANDS = {
     **{name: f"muro_zenoh.cli.orders:{name}" for name in ("stop", "resume", "goal", "clear")},
     "set": "muro_zenoh.cli.orders:set_group",
     "topic": "muro_zenoh.cli.topic:topic",
-    "localize": "muro_zenoh.cli.localize:localize",
     "calibrate": "muro_zenoh.cli.calibrate:calibrate",
+    "localize": "muro_zenoh.cli.localize:localize",
     "check": "muro_zenoh.cli.check:check",
     "figures": "muro_zenoh.cli.figures:figures",
 }

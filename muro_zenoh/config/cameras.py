@@ -48,7 +48,7 @@ def camera_model(name: str, settings: CameraSettings, arena: Bounds) -> CameraMo
         return fit_plane(settings.views, width, height, camera=name)
     try:
         if settings.calibration is not None:
-            return _calibrated(settings.calibration)
+            return calibrated_model(settings.calibration)
         x, y = 0.5 * (arena.x_min + arena.x_max), 0.5 * (arena.y_min + arena.y_max)
         return hung(
             width,
@@ -69,7 +69,15 @@ def camera_model(name: str, settings: CameraSettings, arena: Bounds) -> CameraMo
         raise ConfigError(what, got=error.got, expected=error.expected, hint=error.hint) from None
 
 
-def _calibrated(settings: CalibrationSettings) -> CameraModel:
+def calibrated_model(settings: CalibrationSettings) -> CameraModel:
+    """The model of a camera that was calibrated.
+
+    Args:
+        settings: its calibration.
+
+    Raises:
+        ParameterError: a lens that no camera has.
+    """
     (fx, fy), (cx, cy) = settings.focal, settings.centre
     (x, y, z), (rx, ry, rz) = settings.position, settings.rotation
     return calibrated(

@@ -28,7 +28,7 @@ def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]
         ConfigError: the file, or its fleet file, does not exist, is not readable, has another format than its ending,
             or is not a table.
     """
-    table = _parse(path)
+    table = parse_file(path)
     origin = Origin(path.name)
     named = table.pop("fleet", None)
     if fleet is not None:
@@ -39,7 +39,7 @@ def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]
     else:
         _read_calibrations(table, path.parent, origin)
         return table, origin
-    lab = _parse(fleet_path)
+    lab = parse_file(fleet_path)
     fleet_origin = Origin(fleet_path.name)
     if "fleet" in lab:
         raise ConfigError(fleet_origin.at("fleet"), got=show(lab["fleet"]), expected="no key fleet in a fleet file")
@@ -62,11 +62,19 @@ def _read_calibrations(table: dict[str, Any], folder: Path, origin: Origin) -> N
     for name, camera in cameras.items() if isinstance(cameras, dict) else ():
         given = camera.get("calibration") if isinstance(camera, dict) else None
         if isinstance(given, str):
-            camera["calibration"] = _parse(folder / given)
+            camera["calibration"] = parse_file(folder / given)
             origin.note(f"camera.{name}.calibration", f"{Path(given).name}: ")
 
 
-def _parse(path: Path) -> dict[str, Any]:
+def parse_file(path: Path) -> dict[str, Any]:
+    """The table in a file.
+
+    Args:
+        path: the TOML file, or a JSON one by its ending.
+
+    Raises:
+        ConfigError: the file does not exist, is not readable, or has another format than its ending.
+    """
     kind = "JSON" if path.suffix == ".json" else "TOML"
     try:
         text = path.read_bytes().decode()

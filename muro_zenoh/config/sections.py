@@ -118,8 +118,8 @@ CIRCLE = Circle(0.0, 0.0, 0.8)
 """The default circle."""
 
 
-class CalibrationSettings(Section, frozen=True, kw_only=True):
-    """A calibrated camera, as OpenCV describes one: a file of its own beside the fleet file, or a table in it.
+class LensSettings(Section, frozen=True, kw_only=True):
+    """The lens of a camera, as OpenCV describes one: the file that ``muro calibrate intrinsics`` writes.
 
     Attributes:
         width: of the pictures that it was calibrated with [px].
@@ -127,8 +127,8 @@ class CalibrationSettings(Section, frozen=True, kw_only=True):
         focal: focal lengths along u and v [px].
         centre: the principal point [px]; integers are pixel centres.
         distortion: k1, k2, p1, p2, k3.
-        position: of the camera [m, world].
-        rotation: rotation vector from the world's to the camera's frame [rad].
+        lens_covariance: nine rows of nine numbers, of focal, centre and distortion in this order, for what is
+            calibrated with this lens; empty when it is not known.
     """
 
     width: Annotated[int, _PIXELS]
@@ -136,6 +136,17 @@ class CalibrationSettings(Section, frozen=True, kw_only=True):
     focal: Annotated[tuple[Annotated[float, Quantity("px", above=0.0)], ...], Meta(min_length=2, max_length=2)]
     centre: Pixel
     distortion: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
+    lens_covariance: tuple[Annotated[tuple[Number, ...], Meta(min_length=9, max_length=9)], ...] = ()
+
+
+class CalibrationSettings(LensSettings, frozen=True, kw_only=True):
+    """A calibrated camera, as OpenCV describes one: a file of its own beside the fleet file, or a table in it.
+
+    Attributes:
+        position: of the camera [m, world].
+        rotation: rotation vector from the world's to the camera's frame [rad].
+    """
+
     position: Annotated[tuple[Coordinate, ...], Meta(min_length=3, max_length=3)]
     rotation: Annotated[tuple[Annotated[float, Quantity("rad")], ...], Meta(min_length=3, max_length=3)]
 

@@ -279,3 +279,31 @@ def rotation_matrix(rotation: Sequence[float]) -> Array:
     cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
     turn: Array = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
     return turn
+
+
+def rotation_vector(turn: Array) -> tuple[float, float, float]:
+    """The rotation vector of a rotation: the inverse of :func:`rotation_matrix`, also near half a turn.
+
+    Args:
+        turn: (3, 3).
+
+    Returns:
+        Axis times angle [rad], the angle at most pi.
+    """
+    # The rows of 4 q q^T are multiples of the quaternion q; the longest one has the least error.
+    (a, b, c), (d, e, f), (g, h, i) = turn.tolist()
+    rows = np.array(
+        (
+            (1.0 + a + e + i, h - f, c - g, d - b),
+            (h - f, 1.0 + a - e - i, b + d, c + g),
+            (c - g, b + d, 1.0 - a + e - i, f + h),
+            (d - b, c + g, f + h, 1.0 - a - e + i),
+        )
+    )
+    w, *axis = rows[np.argmax(np.diag(rows))].tolist()
+    if w < 0.0:
+        w, axis = -w, [-each for each in axis]
+    length = math.hypot(*axis)
+    factor = 2.0 * math.atan2(length, w) / length if length > 0.0 else 0.0
+    x, y, z = (factor * each for each in axis)
+    return x, y, z
