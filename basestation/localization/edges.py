@@ -123,9 +123,10 @@ class EdgeReader:
 
 def _grey(image: Picture, places: NDArray[np.floating]) -> NDArray[np.float32]:
     """Grey levels (...) at places (..., 2) between pixels; outside the picture those of its edge."""
-    table = places.astype(np.float32, copy=False).reshape(-1, places.shape[-2], 2)
-    levels = cv2.remap(image, table, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return levels.reshape(places.shape[:-1]).astype(np.float32)
+    rows = places.astype(np.float32, copy=False).reshape(-1, places.shape[-2], 2)
+    u, v = np.ascontiguousarray(rows[..., 0]), np.ascontiguousarray(rows[..., 1])
+    levels = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(levels, dtype=np.float32).reshape(places.shape[:-1])
 
 
 def _meet(starts: Array, ways: Array) -> Array:
