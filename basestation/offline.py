@@ -1,10 +1,14 @@
-"""The base station's localization on a recording: the same steps, without a bus."""
+"""The base station's localization of one camera: the same steps, without a bus."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from basestation.drawing import annotate
 from basestation.localization.fusion import Fix
 from basestation.localization.of_scenario import make_fusion, make_localizer
 from basestation.localization.sightings import Sightings
@@ -27,19 +31,62 @@ class Looked(NamedTuple):
     complaints: tuple[str, ...]
 
 
-def look_through(source: FrameSource, scenario: Scenario, camera: str) -> Iterator[Looked]:
+class Eye:
+    """One camera's localization: picture by picture, what is seen and what is not believed.
+
+    Args:
+        scenario: the settings of robots and cameras.
+        camera: its name.
+
+    Raises:
+        ConfigError: the camera's settings are wrong.
+    """
+
+    def __init__(self, scenario: Scenario, camera: str) -> None:
+        self._camera = camera
+        self._localizer, self._fusion = make_localizer(scenario, camera), make_fusion(scenario)
+        self._mounts = {name: robot.mount for name, robot in scenario.robot.items() if robot.tag is not None}
+
+    def look(self, shot: Shot) -> Looked:
+        """What is in the next picture.
+
+        Args:
+            shot: the picture, later than the one before.
+
+        Raises:
+            CameraError: it has another size than the camera's.
+        """
+        try:
+            robots = tuple(self._localizer.locate(shot.image))
+        except MessageError as error:
+            raise CameraError(f"camera {self._camera}: {error}") from error
+        fixes = tuple(self._fusion.take(Sightings(camera=self._camera, captured=shot.t, robots=robots), shot.t))
+        doubts = tuple(text for text, captured in self._fusion.doubts.values() if captured == shot.t)
+        return Looked(shot, fixes, (*self._localizer.complaints, *doubts))
+
+    def draw(self, shot: Shot, looked: Looked) -> NDArray[np.uint8]:
+        """The picture with names, axes and the reasons for what is not believed.
+
+        Args:
+            shot: the picture.
+            looked: what is in it.
+
+        Returns:
+            (height, width, 3) blue, green, red.
+        """
+        return annotate(shot.image, self._localizer.floor.camera, looked.fixes, self._mounts, looked.complaints)
+
+
+def look_through(source: FrameSource, eye: Eye) -> Iterator[Looked]:
     """The robots in each picture of a recording.
 
     Args:
         source: the recording.
-        scenario: the settings of robots and cameras.
-        camera: the one that the recording is of.
+        eye: looks at it.
 
     Raises:
-        CameraError: the first picture has another size than the camera's.
-        ConfigError: the camera's settings are wrong.
+        CameraError: a picture has another size than the camera's.
     """
-    localizer, fusion = make_localizer(scenario, camera), make_fusion(scenario)
     while True:
         try:
             shot = source.read()
@@ -48,10 +95,4 @@ def look_through(source: FrameSource, scenario: Scenario, camera: str) -> Iterat
             continue
         if shot is None:
             return
-        try:
-            robots = tuple(localizer.locate(shot.image))
-        except MessageError as error:
-            raise CameraError(f"{source.name}: {error}") from error
-        fixes = tuple(fusion.take(Sightings(camera=camera, captured=shot.t, robots=robots), shot.t))
-        doubts = tuple(text for text, captured in fusion.doubts.values() if captured == shot.t)
-        yield Looked(shot, fixes, (*localizer.complaints, *doubts))
+        yield eye.look(shot)

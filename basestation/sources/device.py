@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 import cv2
+import numpy as np
 
 from basestation.sources.source import Shot, grey
 from muro_zenoh.errors import CameraError
@@ -49,11 +50,19 @@ class Device:
         """The next picture; it waits for it.
 
         Raises:
-            CameraError: it gives none.
+            CameraError: it gives none, or something that is none.
         """
-        good, image = self._video.read()
+        try:
+            good, image = self._video.read()
+        except cv2.error as error:
+            raise CameraError(f"{self.name}: gives no picture: {error}. Was it unplugged?") from error
         if not good or image is None:
             raise CameraError(f"{self.name}: gives no picture. Was it unplugged?")
+        if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)) or not image.size:
+            got = f"got {' x '.join(map(str, image.shape)) or 'nothing'} of {image.dtype}"
+            raise CameraError(
+                f"{self.name}: {got}, expected a picture in grey or in colours. Is its driver the right one?"
+            )
         return Shot(grey(image), time.monotonic() - self._begin)
 
     def close(self) -> None:

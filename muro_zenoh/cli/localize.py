@@ -34,12 +34,10 @@ def localize(recording: Path, fleet: str, camera: str, rate: float, out: Path, d
     """Find the robots in RECORDING, a video or a directory of images, as the base station would."""
     from rich.progress import Progress
 
-    from basestation.drawing import annotate
-    from basestation.offline import look_through
+    from basestation.offline import Eye, look_through
     from basestation.poses_file import AnnotatedVideo, PosesFile
     from basestation.sources.recordings import open_recording
     from muro_zenoh.config import find_scenario
-    from muro_zenoh.config.cameras import camera_model
     from muro_zenoh.errors import ConfigError
 
     scenario = find_scenario(fleet)
@@ -49,8 +47,7 @@ def localize(recording: Path, fleet: str, camera: str, rate: float, out: Path, d
         raise ConfigError("--camera", got=got, expected=f"one of {', '.join(names) or 'none: the fleet has no camera'}")
     name = camera or names[0]
     settings = scenario.camera[name]
-    mounts = {robot: each.mount for robot, each in scenario.robot.items() if each.tag is not None}
-    model = camera_model(name, settings, scenario.arena)
+    eye = Eye(scenario, name)
     source = open_recording(recording, rate)
     pictures = fixes = 0
     reasons: Counter[str] = Counter()
@@ -58,12 +55,12 @@ def localize(recording: Path, fleet: str, camera: str, rate: float, out: Path, d
         stack.callback(source.close)
         video = None
         if draw is not None:
-            video = AnnotatedVideo(draw, rate, model.width, model.height)
+            video = AnnotatedVideo(draw, rate, settings.width, settings.height)
             stack.callback(video.close)
         poses = stack.enter_context(PosesFile(out))
         progress = stack.enter_context(Progress(transient=True))
         bar = progress.add_task(source.name, total=source.length)
-        for looked in look_through(source, scenario, name):
+        for looked in look_through(source, eye):
             progress.advance(bar)
             reasons.update(looked.complaints)
             if looked.shot is None:
@@ -72,7 +69,7 @@ def localize(recording: Path, fleet: str, camera: str, rate: float, out: Path, d
             fixes += len(looked.fixes)
             poses.write(looked.shot.t, looked.fixes)
             if video is not None:
-                video.write(annotate(looked.shot.image, model, looked.fixes, mounts, looked.complaints))
+                video.write(eye.draw(looked.shot, looked))
     for reason, count in reasons.most_common(_SHOWN):
         click.echo(f"{count} x {reason}")
     if len(reasons) > _SHOWN:

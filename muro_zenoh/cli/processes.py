@@ -11,6 +11,7 @@ import click
 from muro_zenoh.cli.options import BusFlags, bus_options, example
 
 if TYPE_CHECKING:
+    from basestation.sources.source import FrameSource
     from muro_zenoh.config import Scenario
 
 
@@ -79,7 +80,7 @@ def basestation(file: str, state: Path, bus: BusFlags) -> None:
     epilog=example(
         "muro camera lab.toml north --device 0",
         "muro camera lab.toml north --device /dev/video2 --quality 70 --connect tcp/192.168.1.10:7447",
-        "muro camera lab.toml north --recording monday.mp4",
+        "muro camera lab.toml north --recording monday.mp4 --show",
     )
 )
 @click.argument("file")
@@ -95,8 +96,11 @@ def basestation(file: str, state: Path, bus: BusFlags) -> None:
     show_default=True,
     help="Of the JPEG: 85 costs no accuracy, less costs less network; 0 for raw frames.",
 )
+@click.option("--show", is_flag=True, help="Show what is seen: in a window, or without a display as NAME.png.")
 @bus_options
-def camera(file: str, name: str, device: str | None, recording: Path | None, quality: int, bus: BusFlags) -> None:
+def camera(
+    file: str, name: str, device: str | None, recording: Path | None, quality: int, show: bool, bus: BusFlags
+) -> None:
     """Publish the pictures of camera NAME of a fleet or scenario FILE."""
     if device is not None and recording is not None:
         raise click.UsageError("got --device and --recording, expected one of them")
@@ -105,7 +109,17 @@ def camera(file: str, name: str, device: str | None, recording: Path | None, qua
     from basestation.sources.opening import opener
 
     source = opener(scenario, name, device, recording)
+    if show:
+        source = _shown(source, scenario, name)
     _run(lambda: run_camera(scenario, name, source, quality), f"camera_{name}")
+
+
+def _shown(source: Callable[[], FrameSource], scenario: Scenario, name: str) -> Callable[[], FrameSource]:
+    from basestation.offline import Eye
+    from basestation.showing import Screen, Shown
+
+    screen = Screen(f"camera {name}", Path(f"{name}.png"))
+    return lambda: Shown(source(), Eye(scenario, name), screen)
 
 
 @click.command(epilog=example("muro sim pursuit --seed 3"))

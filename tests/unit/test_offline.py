@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from basestation.offline import look_through
+from basestation.offline import Eye, look_through
 from basestation.sources.recordings import ImageDirectory, VideoFile, open_recording
 from muro_zenoh.cli.main import main
 from muro_zenoh.config import parse_scenario
@@ -120,7 +120,7 @@ def test_the_poses_of_a_video_and_an_annotated_one(video: Path, tmp_path: Path) 
 
 def test_a_damaged_image_is_named_and_the_others_are_used(images: Path) -> None:
     (images / "005.png").write_bytes(b"\x89PNG\r\n but no more")
-    looked = list(look_through(ImageDirectory(images, RATE), LAB, "north"))
+    looked = list(look_through(ImageDirectory(images, RATE), Eye(LAB, "north")))
     assert len(looked) == 12
     assert [i for i, each in enumerate(looked) if each.shot is None] == [5]
     assert "005.png: got a file that is no image, or a damaged one" in looked[5].complaints[0]
@@ -130,7 +130,7 @@ def test_a_damaged_image_is_named_and_the_others_are_used(images: Path) -> None:
 def test_a_video_that_was_cut_off_is_used_as_far_as_it_goes(video: Path) -> None:
     whole = video.read_bytes()
     video.write_bytes(whole[: len(whole) // 2])
-    looked = list(look_through(open_recording(video, RATE), LAB, "north"))
+    looked = list(look_through(open_recording(video, RATE), Eye(LAB, "north")))
     assert looked[-1].shot is None
     assert "expected 40 as its header says. The file is damaged or was cut off" in looked[-1].complaints[0]
     assert 15 <= sum(each.shot is not None for each in looked) <= 22
@@ -183,7 +183,7 @@ def test_what_is_not_believed_is_counted(tmp_path: Path) -> None:
     shots = pictures(12)
     for k in range(12):
         cv2.imwrite(str(folder / f"{k:03d}.png"), shots[k] if k != 6 else shots[k][:, ::-1])  # once it is mirrored
-    looked = list(look_through(ImageDirectory(folder, RATE), LAB, "north"))
+    looked = list(look_through(ImageDirectory(folder, RATE), Eye(LAB, "north")))
     for k, each in enumerate(looked):
         for fix in each.fixes:
             assert math.dist(fix.pose[:2], pose(int(fix.name[1:]) - 1, k)[:2]) < 3e-3
