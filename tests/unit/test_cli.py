@@ -55,7 +55,8 @@ def refused(*arguments: str) -> str:
 def test_every_command_s_help_has_an_example_that_parses(path: tuple[str, ...]) -> None:
     result = CliRunner().invoke(main, [*path, "--help"], prog_name="muro")
     assert result.exit_code == 0
-    lines = [line.strip() for line in result.output.split("Example")[1].splitlines()[1:] if line.strip()]
+    examples = result.output.split("Example")[1].replace("\\\n", " ")
+    lines = [line.strip() for line in examples.splitlines()[1:] if line.strip()]
     assert lines
     assert all(line.startswith(" ".join(("muro", *path))) for line in lines)
     if not path:
