@@ -52,7 +52,7 @@ class Row:
     longest_alone: float
 
 
-async def puts(bus: Bus, publisher: Publisher, picture: str, seconds: float) -> list[float]:
+async def puts(bus: Bus, publisher: Publisher[Frame], picture: str, seconds: float) -> list[float]:
     """Publish at the camera's rate; how long each put took [ms].
 
     Args:
