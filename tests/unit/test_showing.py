@@ -23,7 +23,8 @@ LAB = parse_scenario({"robots": 1, "camera": {"north": CAMERA}}, "lab.toml", nam
 class Pictures:
     """A recording of one robot that stands still."""
 
-    name, length = "pictures", None
+    name = "pictures"
+    length: int | None = None
 
     def __init__(self, size: tuple[int, int] = (640, 480)) -> None:
         robot = LAB.robot["r1"]
