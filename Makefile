@@ -22,8 +22,10 @@ setup: $(VENV)/.for-tests
 demo: $(VENV)/.for-runs
 	$(BIN)/muro run pursuit
 
+# Tests that compute run side by side; those with processes of their own, whose ages are real, one after the other.
 test: $(VENV)/.for-tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop
+	$(BIN)/python -m pytest tests/contract tests/integration
 
 test-fast: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -m "not slow"
