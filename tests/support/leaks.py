@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Iterator
+from multiprocessing import resource_tracker
 
 import psutil
 import pytest
@@ -33,6 +34,7 @@ async def no_task_left() -> AsyncIterator[None]:
 @pytest.fixture(autouse=True)
 def no_thread_or_process_left() -> Iterator[None]:
     """Fails a test that leaves a thread or a child process behind."""
+    resource_tracker.ensure_running()  # multiprocessing starts it with its first worker, and leaves it for good
     threads, children = set(threading.enumerate()), _children()
     yield
     left = [t for t in threading.enumerate() if t not in threads and not t.name.startswith(_POOL)]
