@@ -68,6 +68,8 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def check(*arguments: str, code: int) -> str:
     result = CliRunner().invoke(main, ["check", *arguments], prog_name="muro")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception  # which has the exit code 1, too
     assert result.exit_code == code, result.output
     return result.output
 
