@@ -30,6 +30,7 @@ from muro_zenoh.channels import (
 )
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
 from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
+from muro_zenoh.messages.base import LARGEST
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.operator import operator_name
 from muro_zenoh.transport.clock_offset import KnownClocks
@@ -299,7 +300,8 @@ class Bus:
                     numbers[f"{word}_{what}"] = count
             if c.arrival:
                 numbers[f"{word}_age_s"] = round(now - c.arrival, 4)
-                numbers[f"{word}_delay_s"] = round(c.delay, 4)
+                # A stranger may say any clock, and so any delay; a health message has a largest number.
+                numbers[f"{word}_delay_s"] = round(min(c.delay, LARGEST), 4)
         return numbers
 
     # ---- lifetime

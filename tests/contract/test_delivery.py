@@ -11,6 +11,7 @@ import pytest
 
 from muro_zenoh import channels
 from muro_zenoh.messages import (
+    Health,
     StopOrder,
     encoding_of,
 )
@@ -216,6 +217,16 @@ async def test_the_counters_add_up(network: Network) -> None:
     assert numbers["velocity_delay_s"] == pytest.approx(counters.delay, abs=1e-4)
     assert "velocity_rejected" not in numbers
     assert "circle_received" not in numbers
+
+
+async def test_no_delay_that_a_stranger_claims_is_too_large_for_a_health_report(network: Network) -> None:
+    writer, reader = await network.open(), await network.open()
+    box = reader.latest(channels.VELOCITY, "r1")
+    out = writer.publisher(channels.VELOCITY, "r1")
+    await linked(lambda v: out.put(speed(v)), box)
+    reader.counters["velocity"].delay = 1.0000000000000491e12
+    health = Health(role="basestation", state="running", numbers=reader.numbers())
+    assert health.numbers["velocity_delay_s"] == 1e12
 
 
 async def test_what_the_middleware_does_not_take_is_counted(network: Network) -> None:
