@@ -99,14 +99,16 @@ def stop(record: Record) -> Judgement:
     evaluated, breaches = 0, []
     driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
     # One without an answer may have been accepted: the answer was lost.
-    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted is not False]
+    resumes = [given for given in record.orders if given.order.kind == "resume" and given.accepted is not False]
     for i, name in enumerate(record.names):
         deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
         for first, _ in episodes(record.latched[:, i]):
             evaluated += 1
             begin = float(record.time[first])
             # A latch that opens without a resume is a breach like one that does not hold, so it holds until then.
-            ends = [time for time in (*resumes, *deaths) if time > begin]
+            # One that was on its way when the robot latched the stop (both held up by a frozen router) may lift it.
+            lifts = [max(given.time, begin) for given in resumes if given.answered > begin]
+            ends = [*lifts, *(time for time in deaths if time > begin)]
             end = min(ends, default=float(record.time[-1]))
             wrong = between(record, begin + COMMAND_AGE + _SLACK, end) & driving[:, i]
             if wrong.any():

@@ -49,9 +49,16 @@ class StopResult(NamedTuple):
 
 
 class ResumeResult(NamedTuple):
-    """What came of lifting a stop: the base station's ``reply``, and the robots that are ``still_stopped``."""
+    """What came of lifting a stop.
+
+    Attributes:
+        reply: the base station's.
+        answered: when that came [s since 1970].
+        still_stopped: the robots that report so.
+    """
 
     reply: Reply
+    answered: float
     still_stopped: tuple[str, ...] = ()
 
 
@@ -157,8 +164,9 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
                 "lift a stop. Is `muro basestation` running, and on this router?"
             )
         reply = await bus.ask(channels.RESUME, Resume(revision=known.message.revision, names=names))
+        answered = bus.clock.now()
         if not reply.accepted:
-            return ResumeResult(reply)
+            return ResumeResult(reply, answered)
 
         def still_stopped() -> tuple[str, ...]:
             alive = roster.of("agent")
@@ -166,7 +174,7 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
             return tuple(n for n in addressed if not (report := health.get(n)) or report.message.stop_latched)
 
         await until(lambda: not still_stopped(), _CONFIRMATION_TIMEOUT)
-        return ResumeResult(reply, still_stopped())
+        return ResumeResult(reply, answered, still_stopped())
 
 
 async def until(condition: Callable[[], bool], timeout: float) -> None:

@@ -230,9 +230,9 @@ class TestStop:
     def stopped(end: float, resumed: float | None = None, latched_until: float = 10.0) -> Record:
         record = driving(still(), 0, 1.0, end)
         record.latched[(record.time >= 2.0) & (record.time < latched_until), 0] = True
-        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), True),)
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), True, 2.5),)
         if resumed is not None:
-            orders += (Ordered(resumed, OrderRow(at=resumed, kind="resume"), True),)
+            orders += (Ordered(resumed, OrderRow(at=resumed, kind="resume"), True, resumed + 0.01),)
         return dataclasses.replace(record, orders=orders)
 
     def test_it_stands(self) -> None:
@@ -249,7 +249,13 @@ class TestStop:
     @pytest.mark.parametrize(("accepted", "allowed"), [(True, True), (None, True), (False, False)])
     def test_it_drives_after_a_resume_unless_that_was_refused(self, accepted: bool | None, allowed: bool) -> None:
         record = driving(self.stopped(2.4, latched_until=4.0), 0, 4.2, 5.0)
-        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume"), accepted)
+        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume"), accepted, 4.5)
+        assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) != allowed
+
+    @pytest.mark.parametrize(("answered", "allowed"), [(1.9, False), (2.1, True)])
+    def test_it_drives_after_a_resume_that_was_on_its_way_when_it_stopped(self, answered: float, allowed: bool) -> None:
+        record = driving(self.stopped(2.4, latched_until=2.2), 0, 2.6, 5.0)
+        resume = Ordered(1.0, OrderRow(at=1.0, kind="resume"), True, answered)
         assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) != allowed
 
     def test_its_latch_opens_without_a_resume(self) -> None:
