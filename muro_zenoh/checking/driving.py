@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,9 @@ CAMERA_AGE: Final = 0.6
 
 _SLACK: Final = 1.5 * PERIOD
 """A time is seen this much too late at most [s]: by the sampling and by the base's beat."""
+
+_RECOVERED: Final = 3.0
+"""Links and processes work again this time after a fault [s]."""
 
 _TRAVEL_SLACK: Final = 0.01
 """Of a braking distance: the wheels' last step, and slip [m]."""
@@ -91,13 +95,42 @@ def braking(record: Record) -> Judgement:
 
 
 def stop(record: Record) -> Judgement:
-    """Judge a record: a stopped robot stands.
+    """Judge a record: a stopped robot stands, and a robot that is ordered to stop is stopped.
 
     Args:
         record: the record.
     """
-    evaluated, breaches = 0, []
     driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
+    latched, ordered = _latched(record, driving), _ordered(record, driving)
+    return Judgement(latched.evaluated + ordered.evaluated, latched.breaches + ordered.breaches)
+
+
+def _ordered(record: Record, driving: Flags) -> Judgement:
+    """Robots that no fault concerns obey at once, also those that do not say that they have latched the stop."""
+    evaluated, breaches = 0, []
+    for given in record.orders:
+        if given.order.kind != "stop":
+            continue
+        begin = given.time + COMMAND_AGE + _SLACK
+        for name in given.order.robots or record.names:
+            i = record.names.index(name)
+            effects = [effect for effect in record.effects if name in effect.robots]
+            if any(effect.start < begin and effect.end > given.time - _RECOVERED for effect in effects):
+                continue
+            evaluated += 1
+            if record.latched[between(record, given.time, begin), i].any():
+                continue  # from then on it is judged by that
+            resumes = (o.time for o in record.orders if o.order.kind == "resume" and o.answered > given.time)
+            end = min([*resumes, *(effect.start for effect in effects if effect.start >= begin)], default=math.inf)
+            wrong = between(record, begin, end) & driving[:, i]
+            if wrong.any():
+                at = float(record.time[np.argmax(wrong)])
+                breaches.append(Breach("stop", at, (name,), f"{name} drives although it was ordered to stop"))
+    return Judgement(evaluated, tuple(breaches))
+
+
+def _latched(record: Record, driving: Flags) -> Judgement:
+    evaluated, breaches = 0, []
     # One without an answer may have been accepted: the answer was lost.
     resumes = [given for given in record.orders if given.order.kind == "resume" and given.accepted is not False]
     for i, name in enumerate(record.names):

@@ -28,6 +28,7 @@ braking (C)
     Every stop of an undisturbed robot that was commanded zero until it stood: from then on it travelled no further than
     its braking distance, at the speed that it had.
 stop
+    Every robot that is ordered to stop and that no fault concerns then: its wheels are commanded zero 0.45 s later.
     Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume that is not
     refused is given, or is on its way, or the agent dies.
 inside

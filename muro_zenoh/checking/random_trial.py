@@ -30,6 +30,10 @@ _ROOM = 0.45
 _SETTLE = 1.2
 """An order is obeyed by all robots after this time [s], if nothing is wrong."""
 
+_LONGEST_HOLD: Final = 2.0
+"""Robots that are to hold when a fault begins are ordered to drive again after this time at most [s]: jammed wheels do
+nothing before."""
+
 _ORDER: Final = np.random.default_rng(8).permutation(len(CELLS))
 
 Row = dict[str, Any]
@@ -48,12 +52,19 @@ def random_trial(seed: int) -> Scenario:
     first = draw.fault(cell.kind, draw.choice(_places(cell.kind, cell.role)), robots, [_CAMERA], begin)
     common = draw.behaviour([])
     own = [draw.behaviour([name]) for name in robots] if draw.chance(0.2) else []
-    orders = [*own, *draw.state(cell.activity, begin, first, [common, *own]), *draw.change(robots)]
+    orders = [
+        *own,
+        *draw.state(cell.activity, begin, first, [common, *own]),
+        *draw.change(robots, cell.activity, begin),
+    ]
     circle = {"radius": draw.uniform(0.8, 1.1), "clockwise": draw.chance(0.5)}
     goals, second = draw.goals(robots), draw.any_fault(robots, [_CAMERA])
     if first["target"] in ("basestation", "router") and cell.activity is Activity.DRIVING:
         # A stop that the base station hears late, or not: what it says meanwhile must not lift it.
-        orders += draw.stop(round(begin + draw.uniform(0.0, 0.7) * first["duration"], 3), [])
+        orders += draw.stop_during(first, [])
+    if second["target"] == "basestation":
+        # It learns of a stop of one robot only by that order and by that robot's health.
+        orders += draw.stop_during(second, [draw.choice(robots)])
     table: Row = {
         "description": f"random trial {seed}",
         "robots": ROBOTS,
@@ -118,17 +129,26 @@ class _Draw:
 
     # ---- behaviours and orders
 
-    def change(self, robots: list[str]) -> list[Row]:
-        """The change of behaviour, of all robots or half of them; and sometimes a stop that is lifted again."""
+    def change(self, robots: list[str], activity: Activity, begin: float) -> list[Row]:
+        """The change of behaviour, of all robots or half of them; and sometimes a stop that is lifted again. Neither
+        takes the robots of the first fault out of the state in which it is to find them."""
         some = list(self._rng.permutation(robots)[: len(robots) // 2]) if self.chance(0.3) else []
-        rows = [self.behaviour([str(name) for name in some], self.uniform(8.0, 20.0))]
-        if self.chance(0.25):
-            rows += self.stop(self.uniform(4.0, 24.0), [str(self.choice(robots))] if self.chance(0.5) else [])
+        at, stops = self.uniform(8.0, 20.0), self.uniform(4.0, 24.0)
+        if activity is Activity.HOLDING and begin - _SETTLE <= at <= begin:
+            at = round(begin + _LONGEST_HOLD, 3)
+        rows = [self.behaviour([str(name) for name in some], at)]
+        one = [str(self.choice(robots))] if self.chance(0.5) else []
+        if self.chance(0.25) and activity in (Activity.STARTING, Activity.DRIVING):
+            rows += self.stop(max(stops, round(begin + _SETTLE, 3)), one)
         return rows
 
-    def stop(self, at: float, robots: list[str]) -> list[Row]:
+    def stop_during(self, fault: Row, robots: list[str]) -> list[Row]:
+        """A stop in the midst of a fault, and its resume."""
+        return self.stop(round(fault["at"] + self.uniform(0.0, 0.7) * fault["duration"], 3), robots)
+
+    def stop(self, at: float, robots: list[str], least: float = 1.5) -> list[Row]:
         """A stop and its resume, which is given again in case that nobody answered."""
-        end = at + self.uniform(1.5, 4.0)
+        end = at + self.uniform(least, 4.0)
         return [
             {"at": at, "kind": "stop", "robots": robots},
             {"at": round(end, 3), "kind": "resume", "robots": robots},
@@ -151,12 +171,14 @@ class _Draw:
         robot = str(fault["target"]).partition("/")[0]
         robots = [] if robot in ("basestation", "camera", "router") else [robot]
         if activity is Activity.STOPPED:
-            return self.stop(begin - self.uniform(_SETTLE, 2.0), robots)
+            return self.stop(begin - self.uniform(_SETTLE, 2.0), robots, least=2.2)
         if activity is Activity.HOLDING:
             hold = {"at": round(begin - _SETTLE, 3), "behaviour": "hold", "robots": robots}
-            end = round(begin + self.uniform(0.5, 2.0), 3)
+            end = round(begin + self.uniform(0.5, _LONGEST_HOLD), 3)
+            again = round(max(end, begin + fault["duration"]) + 0.5, 3)  # in case that the fault kept it out
             mine = [row for row in before if not (robots and row["robots"]) or row["robots"] == robots]
-            return [hold, *({**row, "at": end, "robots": robots or row["robots"]} for row in mine)]
+            back = [{**row, "at": at, "robots": robots or row["robots"]} for at in (end, again) for row in mine]
+            return [hold, *back]
         return []
 
     def any_fault(self, robots: list[str], cameras: list[str]) -> Row:
@@ -177,7 +199,7 @@ class _Draw:
             "kind": kind,
             "target": target,
             "at": at,
-            "duration": self.uniform(0.4, 5.0),
+            "duration": self.uniform(_LONGEST_HOLD + _SETTLE if kind == "halt" else 0.4, 5.0),
             **(_NUMBERS[kind](self) if kind in _NUMBERS else {}),
         }
 

@@ -258,6 +258,20 @@ class TestStop:
         resume = Ordered(1.0, OrderRow(at=1.0, kind="resume"), True, answered)
         assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) != allowed
 
+    @pytest.mark.parametrize(("end", "broken"), [(2.4, False), (2.6, True)])
+    def test_it_does_not_say_that_it_has_stopped(self, end: float, broken: bool) -> None:
+        record = driving(still(), 0, 1.0, end)
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop", robots=("r1",)), False, 2.5),)
+        assert bool(breaches(dataclasses.replace(record, orders=orders), "stop")) == broken
+        resume = Ordered(2.2, OrderRow(at=2.2, kind="resume"), True, 2.3)
+        assert not breaches(dataclasses.replace(record, orders=(*orders, resume)), "stop")
+
+    def test_it_cannot_hear_that_it_is_to_stop(self) -> None:
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), False, 2.5),)
+        effect = Effect(fault("partition", "r1", at=1.5, duration=2.0), 1.5, 3.5, {"r1": Activity.DRIVING})
+        record = dataclasses.replace(driving(still(), 0, 1.0, 3.0), orders=orders, effects=(effect,))
+        assert not breaches(record, "stop")
+
     def test_its_latch_opens_without_a_resume(self) -> None:
         record = self.stopped(2.4, latched_until=4.0)
         (breach,) = breaches(driving(record, 0, 5.0, 6.0), "stop")
