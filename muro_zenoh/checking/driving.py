@@ -9,6 +9,7 @@ import numpy as np
 
 from muro_zenoh.checking.contacts import STANDING, disturbances
 from muro_zenoh.checking.judgement import Breach, Judgement, between, episodes
+from muro_zenoh.checking.operator import Ordered
 from muro_zenoh.checking.record import PERIOD, Flags, Record
 
 COMMAND_AGE: Final = 0.45
@@ -120,7 +121,7 @@ def _ordered(record: Record, driving: Flags) -> Judgement:
             evaluated += 1
             if record.latched[between(record, given.time, begin), i].any():
                 continue  # from then on it is judged by that
-            resumes = (o.time for o in record.orders if o.order.kind == "resume" and o.answered > given.time)
+            resumes = (o.time for o in _resumes(record, name) if o.answered > given.time)
             end = min([*resumes, *(effect.start for effect in effects if effect.start >= begin)], default=math.inf)
             wrong = between(record, begin, end) & driving[:, i]
             if wrong.any():
@@ -129,11 +130,21 @@ def _ordered(record: Record, driving: Flags) -> Judgement:
     return Judgement(evaluated, tuple(breaches))
 
 
+def _resumes(record: Record, name: str) -> list[Ordered]:
+    """Those that may have lifted a robot's stop; one without an answer may have been accepted: the answer was lost."""
+    return [
+        given
+        for given in record.orders
+        if given.order.kind == "resume"
+        and given.accepted is not False
+        and (not given.order.robots or name in given.order.robots)
+    ]
+
+
 def _latched(record: Record, driving: Flags) -> Judgement:
     evaluated, breaches = 0, []
-    # One without an answer may have been accepted: the answer was lost.
-    resumes = [given for given in record.orders if given.order.kind == "resume" and given.accepted is not False]
     for i, name in enumerate(record.names):
+        resumes = _resumes(record, name)
         deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
         for first, _ in episodes(record.latched[:, i]):
             evaluated += 1

@@ -20,6 +20,7 @@ ROBOTS: Final = 10
 DURATION: Final = 32.0
 """Of a random trial [s]."""
 
+_NAMES: Final = tuple(f"r{number}" for number in range(1, ROBOTS + 1))
 _CAMERA = "north"
 _STARTING = 0.6
 """Most robots drive after this time [s]."""
@@ -46,7 +47,7 @@ def random_trial(seed: int) -> Scenario:
         seed: of everything in it.
     """
     draw = _Draw(seed)
-    robots = [f"r{number}" for number in range(1, ROBOTS + 1)]
+    robots = list(_NAMES)
     cell = CELLS[_ORDER[seed % len(CELLS)]]
     begin = draw.begin(cell.activity)
     first = draw.fault(cell.kind, draw.choice(_places(cell.kind, cell.role)), robots, [_CAMERA], begin)
@@ -94,6 +95,15 @@ def faulty(scenario: Scenario, faults: int, seed: int) -> Scenario:
 
 def _places(kind: str, role: str) -> list[Place]:
     return [place for place in KINDS[kind].places if ROLES[place] == role]
+
+
+def _stop_for(at: float, lasts: float, robots: list[str]) -> list[Row]:
+    """A stop and its resume, which is given again in case that nobody answered."""
+    return [
+        {"at": round(at, 3), "kind": "stop", "robots": robots},
+        {"at": round(at + lasts, 3), "kind": "resume", "robots": robots},
+        {"at": round(at + lasts + 3.0, 3), "kind": "resume", "robots": robots},
+    ]
 
 
 class _Draw:
@@ -147,13 +157,13 @@ class _Draw:
         return self.stop(round(fault["at"] + self.uniform(0.0, 0.7) * fault["duration"], 3), robots)
 
     def stop(self, at: float, robots: list[str], least: float = 1.5) -> list[Row]:
-        """A stop and its resume, which is given again in case that nobody answered."""
-        end = at + self.uniform(least, 4.0)
-        return [
-            {"at": at, "kind": "stop", "robots": robots},
-            {"at": round(end, 3), "kind": "resume", "robots": robots},
-            {"at": round(end + 3.0, 3), "kind": "resume", "robots": robots},
-        ]
+        """A stop and its resume; often one of another robot's within it, whose resume must not lift this one."""
+        lasts = self.uniform(least, 4.0)
+        rows = _stop_for(at, lasts, robots)
+        if robots and self.chance(0.5):
+            other = self.choice([name for name in _NAMES if name not in robots])
+            rows += _stop_for(at + 0.1 * lasts, self.uniform(0.3, 0.5) * lasts, [other])
+        return rows
 
     def behaviour(self, robots: list[str], at: float = 0.0) -> Row:
         """An order of a behaviour that drives."""

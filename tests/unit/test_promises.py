@@ -272,6 +272,12 @@ class TestStop:
         record = dataclasses.replace(driving(still(), 0, 1.0, 3.0), orders=orders, effects=(effect,))
         assert not breaches(record, "stop")
 
+    @pytest.mark.parametrize(("name", "broken"), [("r1", False), ("r2", True)])
+    def test_it_drives_after_another_robots_resume(self, name: str, broken: bool) -> None:
+        record = driving(self.stopped(2.4, latched_until=4.0), 0, 4.2, 5.0)
+        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume", robots=(name,)), True, 4.01)
+        assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) == broken
+
     def test_its_latch_opens_without_a_resume(self) -> None:
         record = self.stopped(2.4, latched_until=4.0)
         (breach,) = breaches(driving(record, 0, 5.0, 6.0), "stop")
