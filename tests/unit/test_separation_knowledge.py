@@ -146,3 +146,40 @@ def test_a_silent_robot_does_not_drive() -> None:
     known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
     row = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, SILENT)
     assert known.learn(0.0, Snapshot((row,), 0.0, 1, 0.0)) == "the base station does not hear from it"
+
+
+# ---- what is kept, and looked at
+
+
+@pytest.mark.parametrize("age", [math.nan, math.inf])
+def test_a_snapshot_whose_age_nobody_knows_is_not_kept(age: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    row = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert known.learn(0.0, Snapshot((row,), 0.0, 1, age)) == "no fresh positions"
+    assert not known._received
+
+
+@pytest.mark.parametrize(("age", "counts"), [(0.0, 0.0), (0.2, 0.2), (0.9, 0.25)])
+def test_snapshots_are_kept_for_longer_when_the_newest_shows_what_was_earlier(age: float, counts: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k in range(61):
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", 0.8, 0.0, 0.0, 0.0, 0.0, age))
+        known.learn(0.05 * k, Snapshot(rows, 0.05 * k, 1, 0.0))
+    kept = 3.0 - known._received[0].sent
+    assert kept == pytest.approx(SETTINGS.snapshot_limit + SETTINGS.hold + counts, abs=0.051)
+    assert kept <= SETTINGS.snapshot_limit + SETTINGS.hold + counts + 1e-9
+
+
+@pytest.mark.parametrize("mine", [0.0, 0.3])
+@pytest.mark.parametrize("theirs", [-0.4, 0.0, 0.5])
+@pytest.mark.parametrize("away", [0.6, 1.0, 1.6, 2.4])
+def test_no_line_within_reach_is_left_out(away: float, mine: float, theirs: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    rows = (
+        Neighbour("r0", 0.0, 0.0, 0.0, mine, 0.0, 0.0),
+        Neighbour("r1", away, 0.0, math.pi, theirs, 0.0, 0.0),
+    )
+    known.learn(0.0, Snapshot(rows, 0.0, 1, 0.0))
+    (line,) = known.lines(0.0, 0.0, 99.0)
+    assert known.lines(0.0, 0.0, line.bound + 1e-3) == [line]
+    assert known.lines(0.0, 0.0, line.bound - 1e-3) == []
