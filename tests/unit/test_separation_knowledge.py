@@ -183,3 +183,25 @@ def test_no_line_within_reach_is_left_out(away: float, mine: float, theirs: floa
     (line,) = known.lines(0.0, 0.0, 99.0)
     assert known.lines(0.0, 0.0, line.bound + 1e-3) == [line]
     assert known.lines(0.0, 0.0, line.bound - 1e-3) == []
+
+
+def test_neighbours_are_moved_on_from_when_they_were_seen() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    rows = (
+        Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Neighbour("r1", 1.0, 0.0, math.pi, 0.4, 0.0, 0.1),
+    )
+    known.learn(0.05, Snapshot(rows, 0.0, 1, 0.05))
+    (near,) = known.near(0.15, 0.0, 0.0, 2.0)
+    assert near[:4] == pytest.approx((1.0 - 0.4 * 0.25, 0.0, -0.4, 0.0), abs=1e-9)
+    assert known.near(0.15, 0.0, 0.0, 0.91) == [near]
+    assert known.near(0.15, 0.0, 0.0, 0.89) == []
+
+
+def test_another_base_stations_snapshot_of_the_same_stamp_is_another_one() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k, epoch in enumerate((1, 1, 2)):
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", 1.0 + k, 0.0, 0.0, 0.0, 0.0, 0.0))
+        known.learn(0.05 * k, Snapshot(rows, 7.0, epoch, 0.0))
+    assert [received.epoch for received in known._received] == [1, 2]
+    assert known.near(0.1, 0.0, 0.0, 9.0)[0].x == pytest.approx(3.0)
