@@ -52,7 +52,8 @@ async def test_an_agent_measures_its_own_base(network: Network) -> None:
     answer_time(bases, channels.BASE_TIME, "r2")
     measuring = [asyncio.create_task(MeasuredClock(agent, channels.BASE_TIME, name).run()) for name in ("r1", "r2")]
     await until(lambda: agent.clocks.offset(bases.epoch, ours.now()) == pytest.approx(-1000.0), "the base's clock")
-    out.put(Odometry(x=0.0, y=0.0, theta=0.0, v=0.1, omega=0.0, stamp=theirs.now() - 0.1))  # its first, and already late
+    late = theirs.now() - 0.1  # its first, and already late
+    out.put(Odometry(x=0.0, y=0.0, theta=0.0, v=0.1, omega=0.0, stamp=late))
     received = await within(5, odometry.next(), "odometry")
     assert received.captured() == pytest.approx(ours.now() - 0.1)
     await until(lambda: bases.clocks.offset(agent.epoch, theirs.now()) == pytest.approx(1000.0), "our clock there")
