@@ -9,6 +9,7 @@ from muro_zenoh.messages.base import (
     Covariance,
     Message,
     Name,
+    Order,
     Value,
 )
 from muro_zenoh.messages.codec import (
@@ -74,6 +75,7 @@ __all__ = [
     "Message",
     "Name",
     "Odometry",
+    "Order",
     "PlannedPath",
     "PoseFix",
     "Reply",

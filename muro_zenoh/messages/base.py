@@ -68,6 +68,19 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             require_usable(name, getattr(self, name))
 
 
+class Order(Message, frozen=True, kw_only=True):
+    """Base of the orders that are refused once their sender waits for an answer no longer.
+
+    Attributes:
+        until: the end of that wait [s since 1970, a base station's clock]; nil when the sender has not asked for the
+            time, and takes an order at any age for given.
+        clock: the ``epoch`` of that base station.
+    """
+
+    until: float | None = None
+    clock: Annotated[int, Meta(ge=0)] = 0
+
+
 @cache
 def _number_fields(
     kind: type[Message],

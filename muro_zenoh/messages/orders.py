@@ -8,12 +8,12 @@ from typing import Annotated
 from msgspec import Meta, field
 
 from muro_zenoh import geometry
-from muro_zenoh.messages.base import Message, Name, Value
+from muro_zenoh.messages.base import Message, Name, Order, Value
 from muro_zenoh.messages.lease import Text
 from muro_zenoh.quantities import LEAST
 
 
-class Goal(Message, frozen=True, kw_only=True):
+class Goal(Order, frozen=True, kw_only=True):
     """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter. ``operator``: whose
     order it is."""
 
@@ -104,7 +104,7 @@ class Health(Message, frozen=True, kw_only=True):
     stop_revision: int = 0
 
 
-class SetCircle(Message, frozen=True, kw_only=True):
+class SetCircle(Order, frozen=True, kw_only=True):
     """An order to the base station: change the circle. What is nil stays unchanged. ``operator``: whose order it is."""
 
     x: float | None = None
@@ -114,7 +114,7 @@ class SetCircle(Message, frozen=True, kw_only=True):
     operator: Text = ""
 
 
-class SetBehaviour(Message, frozen=True, kw_only=True):
+class SetBehaviour(Order, frozen=True, kw_only=True):
     """An order to the base station: change the behaviour of ``names`` (empty: all robots). ``operator``: whose order it
     is."""
 
@@ -130,14 +130,14 @@ class Stop(Message, frozen=True, kw_only=True):
     names: tuple[Name, ...] = ()
 
 
-class Resume(Message, frozen=True, kw_only=True):
+class Resume(Order, frozen=True, kw_only=True):
     """An order to the base station: lift the stop of ``names`` (empty: all robots) up to ``revision``."""
 
     revision: Annotated[int, Meta(ge=0)]
     names: tuple[Name, ...] = ()
 
 
-class Clear(Message, frozen=True, kw_only=True):
+class Clear(Order, frozen=True, kw_only=True):
     """An order to the base station: forget a robot's last position, because it was carried away."""
 
     name: Name

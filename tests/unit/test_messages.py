@@ -51,7 +51,7 @@ robots = st.builds(
     v=finite,
     omega=finite,
     age=finite,
-    state=st.sampled_from(["tracking", "disagrees", "stale", "lost"]),
+    state=st.sampled_from(["tracking", "silent", "disagrees", "stale", "lost"]),
 )
 SPECIAL: dict[str, st.SearchStrategy[Any]] = {
     "name": names,
