@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import pytest
+from muro_zenoh.transport.station_clock import StationClock, answer_time
 
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -17,7 +18,6 @@ from muro_zenoh.messages import Clear, Goal, Message, Reply, Resume, SetBehaviou
 from muro_zenoh.runtime.virtual_time import VirtualClock
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
 from muro_zenoh.transport.memory_faults import Delay, Stall, Trouble
-from muro_zenoh.transport.station_clock import StationClock, answer_time
 from tests.support.virtual import virtual
 
 ORDERS: tuple[tuple[channels.Verb[Message], Message], ...] = (
