@@ -47,7 +47,7 @@ class Certificate:
         if y - reach < inside.y_min:
             lines.append(Line(0.0, -1.0, -inside.y_min, WALL))
         # A violation that braking cannot avoid is kept, never deepened.
-        braking = max(math.dist(rest[0], point) for point in rest)
+        braking = max([math.dist(rest[0], point) for point in rest])
         self._lines: list[tuple[float, float, float, str, float]] = []
         """Each with the distance from the robot to it [m]."""
         for nx, ny, bound, other in lines:
@@ -81,7 +81,7 @@ class Certificate:
                     continue
             points = braking_path(self._state, command, held, self._body)
             x0, y0 = points[0]
-            far = max(math.hypot(x - x0, y - y0) for x, y in points) + _GRACE
+            far = max([math.hypot(x - x0, y - y0) for x, y in points]) + _GRACE
             for nx, ny, bound, other, away in self._lines:
                 if away < far:
                     for x, y in points:
