@@ -136,7 +136,10 @@ class Knowledge:
 
     def _has(self, snapshot: SharedSnapshot) -> bool:
         stamp, epoch = snapshot.stamp, snapshot.epoch
-        return any(each.stamp == stamp and each.epoch == epoch for each in reversed(self._received))
+        for each in reversed(self._received):
+            if each.stamp == stamp and each.epoch == epoch:
+                return True
+        return False
 
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
