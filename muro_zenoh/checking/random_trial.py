@@ -88,8 +88,9 @@ def faulty(scenario: Scenario, faults: int, seed: int) -> Scenario:
         faults: number of faults.
         seed: of the faults.
     """
-    draw = _Draw(seed)
+    draw, share = _Draw(seed), min(1.0, scenario.duration / DURATION)
     rows = [draw.any_fault(list(scenario.robots), list(scenario.camera)) for _ in range(faults)]
+    rows = [{**row, "at": round(share * row["at"], 3)} for row in rows]  # else a short trial would end before
     return parse_scenario({**as_table(scenario), "fault": rows}, scenario.name, name=scenario.name)
 
 

@@ -6,9 +6,11 @@ in (-pi, pi], right-handed world frame (REP 103).
 """
 
 from muro_zenoh.messages.base import (
+    MOST_NAMES,
     Covariance,
     Message,
     Name,
+    Names,
     Order,
     Value,
 )
@@ -56,6 +58,7 @@ from muro_zenoh.messages.telemetry import (
 
 __all__ = [
     "MAX_PAYLOAD",
+    "MOST_NAMES",
     "VERSION",
     "AskTime",
     "BaseState",
@@ -74,6 +77,7 @@ __all__ = [
     "LeaseState",
     "Message",
     "Name",
+    "Names",
     "Odometry",
     "Order",
     "PlannedPath",

@@ -21,6 +21,13 @@ Name = Annotated[str, Meta(pattern=_NAME)]
 """A robot's, a camera's or a process's name."""
 
 
+MOST_NAMES = 1000
+"""A list has at most so many names."""
+
+Names = Annotated[tuple[Name, ...], Meta(max_length=MOST_NAMES)]
+"""Robots."""
+
+
 @lru_cache(maxsize=64)
 def require_names(names: tuple[str, ...]) -> None:
     """Refuse texts that are not a :data:`Name`. Results are cached, because the same names are checked again and again.

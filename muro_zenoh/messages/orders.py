@@ -8,7 +8,7 @@ from typing import Annotated
 from msgspec import Meta, field
 
 from muro_zenoh import geometry
-from muro_zenoh.messages.base import Message, Name, Order, Value
+from muro_zenoh.messages.base import Message, Name, Names, Order, Value
 from muro_zenoh.messages.lease import Text
 from muro_zenoh.quantities import LEAST
 
@@ -64,7 +64,7 @@ class StopOrder(Message, frozen=True, kw_only=True):
     """The whole stop state, never a difference: all robots (``all``), or those in ``names``."""
 
     all: bool
-    names: tuple[Name, ...] = ()
+    names: Names = ()
     revision: Annotated[int, Meta(ge=0)] = 0
 
 
@@ -100,7 +100,7 @@ class Health(Message, frozen=True, kw_only=True):
     behaviour_revision: int = 0
     stop_latched: bool = False
     stop_all: bool = False
-    stop_names: tuple[Name, ...] = ()
+    stop_names: Names = ()
     stop_revision: int = 0
 
 
@@ -120,21 +120,21 @@ class SetBehaviour(Order, frozen=True, kw_only=True):
 
     behaviour: str
     parameters: dict[str, Value] = field(default_factory=dict)
-    names: tuple[Name, ...] = ()
+    names: Names = ()
     operator: Text = ""
 
 
 class Stop(Message, frozen=True, kw_only=True):
     """An order to the base station: stop ``names`` (empty: all robots)."""
 
-    names: tuple[Name, ...] = ()
+    names: Names = ()
 
 
 class Resume(Order, frozen=True, kw_only=True):
     """An order to the base station: lift the stop of ``names`` (empty: all robots) up to ``revision``."""
 
     revision: Annotated[int, Meta(ge=0)]
-    names: tuple[Name, ...] = ()
+    names: Names = ()
 
 
 class Clear(Order, frozen=True, kw_only=True):

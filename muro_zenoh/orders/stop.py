@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, NoReply
-from muro_zenoh.messages import Reply, Resume, Stop, StopOrder
+from muro_zenoh.messages import MOST_NAMES, Reply, Resume, Stop, StopOrder
 from muro_zenoh.orders.receipt import RobotWatch, StopReceipt, StopStatus
 from muro_zenoh.transport import Bus, Publisher
 
@@ -140,7 +140,8 @@ class _Watch:
         known = self._stop_state.get()
         before = known.message if known is not None else StopOrder(all=False)
         names = tuple(sorted({*before.names, *self._names}))
-        orders.put(StopOrder(all=before.all or not self._names, names=names, revision=before.revision))
+        everybody = before.all or not self._names or len(names) > MOST_NAMES
+        orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))
 
     def receipts(self) -> dict[str, StopReceipt]:
         """What is known by now, by the robot's name."""
