@@ -57,7 +57,7 @@ class Localizer:
 
     Pictures are searched near the tags' last positions. The whole picture is searched every ``sweep_every`` pictures,
     for new tags; and every ``search_every`` pictures while a recently seen tag is missing, or none is known, so that a
-    hidden robot does not cost a whole search each time.
+    hidden robot does not cost a whole search each time. One that drove out of the picture is not missing.
 
     A number that is seen twice (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no sighting,
     because it is unknown which of the two is the robot.
@@ -143,15 +143,21 @@ class Localizer:
         return (*unknown, *duplicate, *misfit)
 
     def _search(self, image: Picture) -> list[Marker]:
-        missing = not self._tracks or any(track.missed > 0 for track in self._tracks)
+        lost = self._lost()
+        missing = not self._tracks or lost
         self._since_sweep += 1
         self.swept = self._since_sweep >= (self._search_every if missing else self._sweep_every)
         if not self.swept:
             return self.detector.detect_near(image, [track.expected() for track in self._tracks])
         self._since_sweep = 0
-        markers = self.detector.detect(image, wanted=len(self.tags))
+        markers = self.detector.detect(image, wanted=len(self.tags), lost=lost)
         self.unknown_tags = frozenset(marker.id for marker in markers) - self.tags.keys()
         return markers
+
+    def _lost(self) -> bool:
+        """Whether a tag that was seen lately is not, though it cannot have left the picture."""
+        hidden = [track.marker.corners for track in self._tracks if track.missed > 0]
+        return bool(hidden) and bool((self.floor.margin(np.stack(hidden)).min(axis=1) > _CUT).any())
 
     def _follow(self, markers: list[Marker]) -> None:
         """Assign markers to tracks, nearest first; the others start new tracks."""

@@ -32,9 +32,11 @@ class DrawnMarkers:
     def __init__(self) -> None:
         self.markers: list[Marker] = []
         self.wholes = 0
+        self.lost = False
 
-    def detect(self, image: np.ndarray, *, wanted: int = 0) -> list[Marker]:
+    def detect(self, image: np.ndarray, *, wanted: int = 0, lost: bool = False) -> list[Marker]:
         self.wholes += 1
+        self.lost = lost
         return list(self.markers)
 
     def detect_near(self, image: np.ndarray, expected: list[Marker], *, reach: float = 0.4) -> list[Marker]:
@@ -250,6 +252,32 @@ class TestSearch:
         # When it comes back elsewhere, it is found within search_every pictures.
         detector.markers = [still, drawn(Pose2(-1.5, 1, 0), MOUNTS[2])]
         assert any(len(finder.locate(BLANK)) == 2 for _ in range(3))
+
+    def test_a_robot_that_drove_out_of_the_picture_is_not_searched_for(self) -> None:
+        detector = DrawnMarkers()
+        finder = localizer(detector, sweep_every=10, search_every=3)
+        still, leaving = drawn(Pose2(0, 0, 0), MOUNTS[1]), drawn(Pose2(0, 1.0, 0), MOUNTS[2])
+        for k in range(40):
+            leaving = leaving.moved(0.0, -4.0)
+            inside = bool((leaving.corners[:, 1] > 2.5).all())
+            detector.markers = [still, leaving] if inside else [still]
+            finder.locate(BLANK)
+        detector.wholes = 0
+        for _ in range(30):
+            finder.locate(BLANK)
+        assert detector.wholes == 3
+        assert not detector.lost
+
+    def test_a_robot_lost_in_the_middle_of_the_picture_may_be_for_the_light(self) -> None:
+        detector = DrawnMarkers()
+        finder = localizer(detector, sweep_every=10, search_every=3)
+        detector.markers = [drawn(Pose2(0, 0, 0), MOUNTS[1]), drawn(Pose2(0, 1.0, 0), MOUNTS[2])]
+        finder.locate(BLANK)
+        assert not detector.lost
+        del detector.markers[1]
+        for _ in range(12):
+            finder.locate(BLANK)
+        assert detector.lost
 
     def test_a_robot_that_left_is_forgotten(self) -> None:
         detector = DrawnMarkers()
