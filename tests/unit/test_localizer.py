@@ -257,7 +257,7 @@ class TestSearch:
         detector = DrawnMarkers()
         finder = localizer(detector, sweep_every=10, search_every=3)
         still, leaving = drawn(Pose2(0, 0, 0), MOUNTS[1]), drawn(Pose2(0, 1.0, 0), MOUNTS[2])
-        for k in range(40):
+        for _ in range(40):
             leaving = leaving.moved(0.0, -4.0)
             inside = bool((leaving.corners[:, 1] > 2.5).all())
             detector.markers = [still, leaving] if inside else [still]
