@@ -187,6 +187,22 @@ class TestWhatIsNoRobot:
         assert [sighting.name for sighting in finder.locate(BLANK)] == ["r2"]
         assert finder.unknown_tags == {44}
 
+    def test_a_tag_on_the_floor_is_not_reported_but_measured(self) -> None:
+        detector = DrawnMarkers()
+        lying = TagMount(44, 0.16)
+        detector.markers = [drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1.0, 0.51, 0.4), lying)]
+        finder = localizer(detector, floor_tags={44: np.array((1.0, 0.5, 0.0)), 2: np.zeros(3)})
+        assert [sighting.name for sighting in finder.locate(BLANK)] == ["r2"]
+        assert finder.complaints == ()
+        (off,) = finder.floor_off  # the number of a robot is the robot's
+        assert off == pytest.approx((0.0, 0.01), abs=1e-4)
+        finder.locate(BLANK)
+        assert finder.floor_off == (), "not searched as a whole"
+        del detector.markers[1]
+        finder = localizer(detector, floor_tags={44: np.array((1.0, 0.5, 0.0))})
+        finder.locate(BLANK)
+        assert finder.floor_off == (), "it was taken away"
+
     def test_two_robots_with_one_tag_are_reported_and_give_no_sighting(self) -> None:
         detector = DrawnMarkers()
         one, other = drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1, 0, 0), MOUNTS[2])
