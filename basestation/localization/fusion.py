@@ -116,6 +116,7 @@ class Fusion:
                 tracks[camera] = Track(sighting, t)
             if self._leads(camera, sighting.name, t):
                 fixes.append(self._fuse(camera, sighting.name, t))
+        self._agreement.see_floor(camera, seen.floor_off, t)
         self._agreement.judge(t)
         return fixes
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from basestation.localization.belief import Reach
 from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
@@ -30,7 +32,9 @@ def make_localizer(scenario: Scenario, name: str) -> Localizer:
     except ValueError as error:
         raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
     model = camera_model(name, camera, scenario.arena)
-    return Localizer(name, FloorMap(model), detector, tags, corner_noise=camera.sigma_pixels)
+    rows = camera.calibration.floor_tags if camera.calibration is not None else ()
+    floor_tags = {int(number): np.array(where) for number, *where in rows}
+    return Localizer(name, FloorMap(model), detector, tags, floor_tags=floor_tags, corner_noise=camera.sigma_pixels)
 
 
 def make_fusion(scenario: Scenario) -> Fusion:

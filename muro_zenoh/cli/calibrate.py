@@ -181,7 +181,8 @@ def arena(
         f"on the plane {height:g} m above the floor it is wrong by less than {1e3 * error.worst:.1f} mm (95 %)",
     )
     _show(error, facts, result.inflation)
-    write_camera(out, result.camera, result.covariance, ("muro calibrate arena", *facts))
+    seen_tags = {k: wanted[k] for k in quads}
+    write_camera(out, result.camera, result.covariance, ("muro calibrate arena", *facts), seen_tags)
     _finish(out, picture, error, "camera, 95 % bound")
 
 

@@ -145,10 +145,13 @@ class CalibrationSettings(LensSettings, frozen=True, kw_only=True):
     Attributes:
         position: of the camera [m, world].
         rotation: rotation vector from the world's to the camera's frame [rad].
+        floor_tags: number, x, y and z [m, world] of the middle of each tag on the floor by which it was calibrated.
+            While they lie there, they show whether it was moved.
     """
 
     position: Annotated[tuple[Coordinate, ...], Meta(min_length=3, max_length=3)]
     rotation: Annotated[tuple[Annotated[float, Quantity("rad")], ...], Meta(min_length=3, max_length=3)]
+    floor_tags: tuple[Annotated[tuple[Number, ...], Meta(min_length=4, max_length=4)], ...] = ()
 
 
 HUNG = ("x", "y", "z", "heading", "tilt", "fov", "distortion")
