@@ -154,7 +154,7 @@ class Separation:
         ux, uy = velocity
         rows = rows_of(x, y, near)
         when, who = first_met(x, y, ux, uy, near)
-        is_free = when >= HORIZON and all([nx * ux + ny * uy <= bound for nx, ny, bound in rows])
+        is_free = when >= HORIZON and all(nx * ux + ny * uy <= bound for nx, ny, bound in rows)
         blocker = certificate.blocker(wanted) if is_free or who is None else ""  # else it gives way to that one anyhow
         if is_free and not blocker and velocity == desired and not patience.retreating:
             return Separated(wanted, "")

@@ -141,10 +141,7 @@ class Knowledge:
 
     def _has(self, snapshot: SharedSnapshot) -> bool:
         stamp, epoch = snapshot.stamp, snapshot.epoch
-        for each in reversed(self._received):
-            if each.stamp == stamp and each.epoch == epoch:
-                return True
-        return False
+        return (stamp, epoch) in [(each.stamp, each.epoch) for each in self._received]
 
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
