@@ -223,7 +223,7 @@ def used(heard: Heard, scenario: Scenario, seconds: float) -> tuple[int, int, li
         stamps = np.array([stamp for _, stamp in rows])
         count = rows[-1][0] - rows[0][0] + 1
         poses = np.array([row for row in heard.poses[camera] if begin - period <= row[0] <= end + period])
-        # The base station takes the quickest way through for the camera's latency: it is late by a little, always alike.
+        # The base station takes the quickest way through for the camera's latency: late by a little, always alike.
         late = float(np.median(poses[:, 0] - nearest(stamps, poses[:, 0] - 0.1 * period)))
         shown = nearest(stamps, poses[:, 0] - late)
         mine = np.abs(poses[:, 0] - late - shown) < 0.2 * period
