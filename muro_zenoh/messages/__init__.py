@@ -6,9 +6,12 @@ in (-pi, pi], right-handed world frame (REP 103).
 """
 
 from muro_zenoh.messages.base import (
+    MOST_NAMES,
     Covariance,
     Message,
     Name,
+    Names,
+    Order,
     Value,
 )
 from muro_zenoh.messages.codec import (
@@ -55,6 +58,7 @@ from muro_zenoh.messages.telemetry import (
 
 __all__ = [
     "MAX_PAYLOAD",
+    "MOST_NAMES",
     "VERSION",
     "AskTime",
     "BaseState",
@@ -73,7 +77,9 @@ __all__ = [
     "LeaseState",
     "Message",
     "Name",
+    "Names",
     "Odometry",
+    "Order",
     "PlannedPath",
     "PoseFix",
     "Reply",

@@ -9,9 +9,12 @@ import pytest
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
 from muro_zenoh.safety.separation import Body, SeparationSettings
 from muro_zenoh.safety.separation.knowledge import Knowledge
+from muro_zenoh.safety.separation.path import stopping_distance
 
 BODY = Body()
 SETTINGS = SeparationSettings()
+ON = ("tracking",) * 4
+SILENT = "silent"
 
 
 def bounds_after(theta: float, *, changed_at: float = 0.0, until: float = 0.0, leaves: float = 0.0) -> list[float]:
@@ -105,3 +108,41 @@ def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) 
     assert [near.x for near in known.near(1.0 - back, 0.0, 0.0, 2.0)] == [0.8]
     assert min(line.bound for line in known.lines(0.0, 0.0, 1.0)) == pytest.approx(0.2)
     assert [learn(1.0 - back + 0.05 * k, 1.05 + 0.05 * k, 0.8) for k in range(1, 21)][-1] == ""
+
+
+# ---- a robot whose estimates do not reach the base station
+
+
+def learned(*states: str) -> Knowledge:
+    """What r0 knows of r1, which is seen at 0.8 m and comes nearer at 0.4 m/s while it is tracked, in these states in
+    turn."""
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k, state in enumerate(states):
+        rows = (
+            Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            Neighbour("r1", 0.8, 0.0, math.pi, 0.4 if state == "tracking" else 0.0, 0.0, 0.0, state),
+        )
+        known.learn(0.05 * k, Snapshot(rows, 0.05 * k, 1, 0.0))
+    return known
+
+
+def test_a_silent_robot_obeys_the_lines_and_so_do_the_others() -> None:
+    before, since = ([line.bound for line in learned(*states).lines(0.0, 0.0, 1.0)] for states in (ON, (*ON, SILENT)))
+    assert min(since) == min(before), "it may come as it could before, until it hears so"
+    assert len(since) == len(before) + 1
+    gone = learned(*ON, "stale").lines(0.0, 0.0, 1.0)
+    assert gone == []
+
+
+def test_a_silent_robot_is_an_obstacle_as_far_as_it_may_have_driven_since() -> None:
+    assert learned(*ON).obstacles == ()
+    (obstacle,) = learned(*ON, SILENT).obstacles
+    assert (obstacle.name, obstacle.x) == ("r1", 0.8)
+    assert obstacle.keep == 2.0 * BODY.radius + SETTINGS.margin
+    assert obstacle.dx == pytest.approx(-(0.4 * SETTINGS.hold + stopping_distance(0.4, BODY)))
+
+
+def test_a_silent_robot_does_not_drive() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    row = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, SILENT)
+    assert known.learn(0.0, Snapshot((row,), 0.0, 1, 0.0)) == "the base station does not hear from it"

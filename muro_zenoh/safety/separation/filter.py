@@ -154,8 +154,8 @@ class Separation:
         ux, uy = velocity
         rows = rows_of(x, y, near)
         when, who = first_met(x, y, ux, uy, near)
-        is_free = when >= HORIZON and all(row.nx * ux + row.ny * uy <= row.bound for row in rows)
-        blocker = certificate.blocker(wanted)
+        is_free = when >= HORIZON and all(nx * ux + ny * uy <= bound for nx, ny, bound in rows)
+        blocker = certificate.blocker(wanted) if is_free or who is None else ""  # else it gives way to that one anyhow
         if is_free and not blocker and velocity == desired and not patience.retreating:
             return Separated(wanted, "")
         if patience.retreating:
@@ -168,7 +168,7 @@ class Separation:
         rows += wall_rows(x, y, self._inside)
         speed = max(math.hypot(*desired), 0.5 * _SLOW)
         twist = self._within_limits(guided(state, rows, ux, uy, speed, self._body.omega_max))
-        name = who.name if who is not None and when < math.inf else blocker or (near[0].name if near else WALL)
+        name = who.name if who is not None else blocker or (near[0].name if near else WALL)
         twist = self._certified(state, twist, certificate, now if stood >= 1.0 else None)
         return Separated(twist, f"keeps clear of {name}")
 
