@@ -43,7 +43,7 @@ def write_camera(
     camera: Camera,
     covariance: Array,
     notes: Sequence[str],
-    floor_tags: Mapping[int, Array] = MappingProxyType({}),
+    floor_tags: Mapping[int, Iterable[float]] = MappingProxyType({}),
 ) -> None:
     """Write the calibration of a camera, as ``calibration = "FILE"`` in the fleet file names it.
 
@@ -52,7 +52,7 @@ def write_camera(
         camera: the camera.
         covariance: (15, 15) of it, or (9, 9) of its lens.
         notes: comments for people, at the top.
-        floor_tags: (3,) the place of each tag on the floor by which it was calibrated, by number [m, world].
+        floor_tags: x, y, z, the place of each tag on the floor by which it was calibrated, by number [m, world].
 
     Raises:
         CalibrationError: the file cannot be written.

@@ -77,7 +77,7 @@ class Localizer:
         floor: from its pixels to metres.
         detector: for the robots' family of tags.
         tags: from a tag's number to the robot's name and the tag's mounting pose.
-        floor_tags: (3,) where tags lie on the floor, by number [m, world]. Those of robots are not used.
+        floor_tags: x, y, z where tags lie on the floor, by number [m, world]. Those of robots are not used.
         corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures with tags of
             37 pixels: 0.06, and more where light and lens are worse.
         sweep_every: pictures from one whole search to the next.
@@ -92,7 +92,7 @@ class Localizer:
         detector: TagDetector,
         tags: Mapping[int, tuple[str, TagMount]],
         *,
-        floor_tags: Mapping[int, Array] = MappingProxyType({}),
+        floor_tags: Mapping[int, tuple[float, float, float]] = MappingProxyType({}),
         corner_noise: float = 0.1,
         sweep_every: int = 10,
         search_every: int = 3,

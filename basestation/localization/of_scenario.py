@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from basestation.localization.belief import Reach
 from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
@@ -32,8 +30,7 @@ def make_localizer(scenario: Scenario, name: str) -> Localizer:
     except ValueError as error:
         raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
     model = camera_model(name, camera, scenario.arena)
-    rows = camera.calibration.floor_tags if camera.calibration is not None else ()
-    floor_tags = {int(number): np.array(where) for number, *where in rows}
+    floor_tags = camera.calibration.floor_places if camera.calibration is not None else {}
     return Localizer(name, FloorMap(model), detector, tags, floor_tags=floor_tags, corner_noise=camera.sigma_pixels)
 
 

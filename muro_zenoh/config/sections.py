@@ -153,6 +153,11 @@ class CalibrationSettings(LensSettings, frozen=True, kw_only=True):
     rotation: Annotated[tuple[Annotated[float, Quantity("rad")], ...], Meta(min_length=3, max_length=3)]
     floor_tags: tuple[Annotated[tuple[Number, ...], Meta(min_length=4, max_length=4)], ...] = ()
 
+    @property
+    def floor_places(self) -> dict[int, tuple[float, float, float]]:
+        """Where each tag on the floor is, by its number [m, world]."""
+        return {int(number): (x, y, z) for number, x, y, z in self.floor_tags}
+
 
 HUNG = ("x", "y", "z", "heading", "tilt", "fov", "distortion")
 """The settings of a camera that hangs at a given place."""

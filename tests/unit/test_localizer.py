@@ -191,7 +191,7 @@ class TestWhatIsNoRobot:
         detector = DrawnMarkers()
         lying = TagMount(44, 0.16)
         detector.markers = [drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1.0, 0.51, 0.4), lying)]
-        finder = localizer(detector, floor_tags={44: np.array((1.0, 0.5, 0.0)), 2: np.zeros(3)})
+        finder = localizer(detector, floor_tags={44: (1.0, 0.5, 0.0), 2: (0.0, 0.0, 0.0)})
         assert [sighting.name for sighting in finder.locate(BLANK)] == ["r2"]
         assert finder.complaints == ()
         (off,) = finder.floor_off  # the number of a robot is the robot's
@@ -199,7 +199,7 @@ class TestWhatIsNoRobot:
         finder.locate(BLANK)
         assert finder.floor_off == (), "not searched as a whole"
         del detector.markers[1]
-        finder = localizer(detector, floor_tags={44: np.array((1.0, 0.5, 0.0))})
+        finder = localizer(detector, floor_tags={44: (1.0, 0.5, 0.0)})
         finder.locate(BLANK)
         assert finder.floor_off == (), "it was taken away"
 
