@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from basestation.fleet.doubts import Doubts
 from muro_zenoh import channels
@@ -27,8 +28,7 @@ _ANGLE = 0.6
 """An estimate agrees with the fix when it is within this of it [m], [rad], plus how far the robot moved since."""
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """A robot's own estimate: its pose [world], its speeds [m/s, rad/s], and when the estimate was made [s]."""
 
     pose: Pose2

@@ -123,12 +123,12 @@ def require_usable(field: str, value: Any) -> None:
     Raises:
         ValueError: a number is refused.
     """
-    if isinstance(value, float):
-        if not abs(value) <= LARGEST:
-            raise ValueError(f"{field}: got {value}, expected a finite number of at most {LARGEST:g}")
-    elif isinstance(value, tuple):
-        for item in value:
+    for item in value if isinstance(value, tuple) else (value,):
+        if isinstance(item, float):
+            if not abs(item) <= LARGEST:
+                raise ValueError(f"{field}: got {item}, expected a finite number of at most {LARGEST:g}")
+        elif isinstance(item, tuple):
             require_usable(field, item)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            require_usable(f"{field}.{key}", item)
+        elif isinstance(item, dict):
+            for key, inner in item.items():
+                require_usable(f"{field}.{key}", inner)

@@ -144,9 +144,9 @@ class Clear(Order, frozen=True, kw_only=True):
 
 
 class AskTime(Message, frozen=True, kw_only=True):
-    """A question to the base station whose four time stamps measure the asker's clock (``stamp`` is the first, the
-    Reply has the next two). ``offset``: what the asker has to add to its clock to have the base station's, as far as it
-    has measured that [s]; nil before the first answer."""
+    """A question to the base station, or an agent's to its base, whose four time stamps measure the asker's clock
+    (``stamp`` is the first, the Reply has the next two). ``offset``: what the asker has to add to its clock to have the
+    answerer's, as far as it has measured that [s]; nil before the first answer."""
 
     offset: float | None = None
 

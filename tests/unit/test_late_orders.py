@@ -16,8 +16,8 @@ from muro_zenoh.errors import NoReply
 from muro_zenoh.messages import Clear, Goal, Message, Reply, Resume, SetBehaviour, SetCircle, Stop
 from muro_zenoh.runtime.virtual_time import VirtualClock
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
+from muro_zenoh.transport.measured_clock import StationClock, answer_time
 from muro_zenoh.transport.memory_faults import Delay, Stall, Trouble
-from muro_zenoh.transport.station_clock import StationClock, answer_time
 from tests.support.virtual import virtual
 
 ORDERS: tuple[tuple[channels.Verb[Message], Message], ...] = (

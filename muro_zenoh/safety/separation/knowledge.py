@@ -141,7 +141,7 @@ class Knowledge:
 
     def _has(self, snapshot: SharedSnapshot) -> bool:
         stamp, epoch = snapshot.stamp, snapshot.epoch
-        return any(each.stamp == stamp and each.epoch == epoch for each in reversed(self._received))
+        return (stamp, epoch) in [(each.stamp, each.epoch) for each in self._received]
 
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
@@ -237,9 +237,10 @@ class Knowledge:
         """Add the lines of older snapshots between this robot and one with a speed ``v`` [m/s], that comes no further
         than ``comes`` [m]."""
         name, body, keep = row.name, mate.body, mate.keep
+        there_x, there_y = row.x, row.y
         c, s = math.cos(row.theta), math.sin(row.theta)
         # Beside a line a robot that comes straight on has this for itself; less when it comes from elsewhere.
-        away_x, away_y, least = row.x - x, row.y - y, keep + comes + reach
+        away_x, away_y, least = there_x - x, there_y - y, keep + comes + reach
         beyond = self._span - self._sent + row.age
         for start in range(0, len(older), _TOGETHER):
             group = older[start : start + _TOGETHER]
@@ -263,7 +264,7 @@ class Knowledge:
             come = travel_toward(v, math.acos(min(1.0, ahead)), body, drives)
             for line in crossed:
                 nx, ny, bound, _ = line
-                there = nx * row.x + ny * row.y - keep - come
+                there = nx * there_x + ny * there_y - keep - come
                 if there <= bound:
                     found.append(line)
                 elif nx * x + ny * y + reach > there:
