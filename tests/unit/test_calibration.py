@@ -332,6 +332,16 @@ class TestDrive:
         pixels = FloorMap(PAIR["north"].model).to_pixels(places, HEIGHT)
         assert FloorMap(moved.cameras["north"].model).to_metres(pixels, HEIGHT) == pytest.approx(places, abs=4e-3)
 
+    def test_nor_does_the_error_of_the_first_view_turn_it(self) -> None:
+        """A heading that is two milliradians off is 4 mm at the arena's end."""
+        result = place(drive(), distance=known_distance(), known=PAIR)
+        for name, camera in PAIR.items():
+            y = np.linspace(0.0, 1.3, 4) * (1.0 if name == "north" else -1.0)
+            places = np.column_stack([axis.ravel() for axis in np.meshgrid(np.linspace(-1.9, 1.9, 9), y)])
+            pixels = FloorMap(camera.model).to_pixels(places, HEIGHT)
+            off = FloorMap(result.cameras[name].model).to_metres(pixels, HEIGHT) - places
+            assert np.hypot(*off.T).max() < 2e-3
+
     @pytest.mark.parametrize("size", [0.8 * TAG, 1.2 * TAG])
     @pytest.mark.parametrize("scale", [{"heights": {"north": 3.0}}, {"distance": known_distance()}])
     def test_a_tag_of_another_size_is_found(self, size: float, scale: dict[str, object]) -> None:
