@@ -7,7 +7,7 @@ import contextlib
 from collections import deque
 from typing import Any, Final, Protocol
 
-import msgpack
+import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from basestation.dashboard.access import Right
@@ -116,7 +116,7 @@ class Client:
         Args:
             values: its content.
         """
-        self._replies.append(msgpack.packb({"kind": "reply", **values}))
+        self._replies.append(msgspec.msgpack.encode({"kind": "reply", **values}))
         self._wake.set()
 
     def picture(self, camera: str, packed: bytes) -> None:

@@ -107,9 +107,9 @@ class PictureOrder(Order, frozen=True, kw_only=True, tag="picture"):
     on: bool
 
 
-Any_ = StopOrder | ResumeOrder | GoalOrder | BehaviourOrder | CircleOrder | ClearOrder | DriveOrder | PictureOrder
+AnyOrder = StopOrder | ResumeOrder | GoalOrder | BehaviourOrder | CircleOrder | ClearOrder | DriveOrder | PictureOrder
 
-_decode = msgspec.msgpack.Decoder(Any_).decode
+_decode = msgspec.msgpack.Decoder(AnyOrder).decode
 
 _FREE: Final = ("stop", "picture")
 """What everyone may who may read."""
@@ -298,9 +298,8 @@ def _of_reply(reply: Reply, reason: str = "") -> dict[str, Any]:
 
 def _of_stop(result: StopResult) -> dict[str, Any]:
     lines = receipt_lines(result)
-    latched = any(
-        robot.status not in (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE) for robot in result.robots.values()
-    )
+    unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE)
+    latched = any(robot.status not in unheard for robot in result.robots.values())
     answered = latched or (result.reply is not None and result.reply.accepted)
     return {
         "outcome": "taken" if answered else "unanswered",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-import msgpack
+import msgpack  # type: ignore[import-untyped]  # it publishes no types
 
 _pack: Final = msgpack.Packer(use_single_float=True, autoreset=True).pack
 """Numbers for a picture: seven digits are enough."""
@@ -74,8 +74,10 @@ class Frames:
         self.seq += 1
         self._made.clear()
         self._fast = b"".join(
-            [_text("kind"), _text("state"), _text("t"), _pack_exactly(t), _text("seq"), _pack(self.seq)]
-            + [_text("robots"), _pack(robots)]
+            (
+                *(_text("kind"), _text("state"), _text("t"), _pack_exactly(t)),
+                *(_text("seq"), _pack(self.seq), _text("robots"), _pack(robots)),
+            )
         )
 
     def since(self, revision: int) -> bytes:

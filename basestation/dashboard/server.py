@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-import msgpack
+import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -83,8 +83,7 @@ class Clients:
             client.greet(self._greeting(client.right))
 
     def _greeting(self, right: Right) -> bytes:
-        packed: bytes = msgpack.packb({**self._hello, "may_steer": right is Right.STEER})
-        return packed
+        return msgspec.msgpack.encode({**self._hello, "may_steer": right is Right.STEER})
 
     async def serve(self, websocket: WebSocket) -> None:
         """Serve one browser until it is gone.
@@ -201,9 +200,8 @@ def listen(host: str, port: int) -> socket.socket:
     Raises:
         OSError: it is taken, or not of this machine.
     """
-    family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[
-        0
-    ]
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    family, kind, proto, _, address = found[0]
     listening = socket.socket(family, kind, proto)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

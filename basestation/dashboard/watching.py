@@ -14,7 +14,7 @@ from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.control import ring
-from muro_zenoh.messages import BaseState, Behaviour, Goal, Health, RobotState
+from muro_zenoh.messages import BaseState, Behaviour, Cell, Goal, Health, PlannedPath, RobotState
 from muro_zenoh.transport import Bus, Latest, Received
 
 _COMMAND_TIMEOUT: Final = 0.5
@@ -139,12 +139,8 @@ class FleetWatch:
                     "wheels": _wheels(bases.get(name), now),
                     "behaviour": behaviour.behaviour if behaviour is not None else None,
                     "parameters": dict(behaviour.parameters) if behaviour is not None else {},
-                    "path": None
-                    if path is None
-                    else {"x": path.x, "y": path.y, "theta": path.theta, "segments": path.segments},
-                    "cell": None
-                    if cell is None or not cell.corners
-                    else {"corners": cell.corners, "x": cell.x, "y": cell.y},
+                    "path": _path(path),
+                    "cell": _cell(cell),
                     "goal": self._goal_of(name, behaviour),
                 },
             )
@@ -240,10 +236,7 @@ def state_of(
     if seen is None:
         return "unseen", place
     if not silent <= _SILENT:
-        return (
-            "stale",
-            f"no positions from the base station for {silent:.0f} s" if silent < math.inf else "no positions",
-        )
+        return "stale", f"no positions from the base station for {silent:.0f} s"
     if seen.state == "lost":
         return "lost", f"no camera has seen it for {seen.age:.0f} s; it stays an obstacle where it was"
     if health is None:
@@ -273,6 +266,14 @@ def _median(report: Health | None, what: str) -> float | None:
 
 def _value(calibration: Any) -> float | None:
     return round(calibration.value, 3) if calibration is not None else None
+
+
+def _path(path: PlannedPath | None) -> dict[str, Any] | None:
+    return None if path is None else {"x": path.x, "y": path.y, "theta": path.theta, "segments": path.segments}
+
+
+def _cell(cell: Cell | None) -> dict[str, Any] | None:
+    return None if cell is None or not cell.corners else {"corners": cell.corners, "x": cell.x, "y": cell.y}
 
 
 def _wheels(received: Received[BaseState] | None, now: float) -> str:
