@@ -48,7 +48,7 @@ $(VENV)/.for-runs: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "muro-zenoh needs Python 3.11 or newer, but $(PYTHON) is %d.%d; name another with make PYTHON=python3.12" % sys.version_info[:2])'
 	@$(PYTHON) -c 'import ensurepip, venv' || { echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[basestation,simulation]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[basestation,simulation,web]'
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	@touch $@
 

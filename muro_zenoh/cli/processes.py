@@ -76,6 +76,21 @@ def basestation(file: str, state: Path, bus: BusFlags) -> None:
     _run(lambda: run_basestation(scenario, state), "basestation")
 
 
+@click.command(hidden=True, epilog=example("muro page lab.toml --web 127.0.0.1:8010 --tokens page-tokens.json"))
+@click.argument("file")
+@click.option("--web", metavar="HOST:PORT", required=True, help="Where to serve it.")
+@click.option("--tokens", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE")
+@bus_options
+def page(file: str, web: str, tokens: Path, bus: BusFlags) -> None:
+    """Serve the page of a fleet or scenario FILE, as the base station has it done."""
+    scenario = _scenario(file, bus)
+    from basestation.dashboard.access import address_of, tokens_in
+    from basestation.dashboard.process import run_dashboard
+
+    address, keys = address_of(web), tokens_in(tokens)
+    _run(lambda: run_dashboard(scenario, address, keys), "page")
+
+
 @click.command(
     epilog=example(
         "muro camera lab.toml north --device 0",

@@ -33,11 +33,18 @@ def _read(row: object, origin: Origin, path: str, robots: Collection[str], camer
     table: dict[str, Any] = dict(read_table(row, origin, path))
     kind = check_choice(table.pop("kind", None), tuple(KINDS), origin, f"{path}.kind")
     fault = read_section(KINDS[kind], table, origin, path)
-    check_choice(fault.target, _targets(fault.places, robots, cameras), origin, f"{path}.target")
+    check_choice(fault.target, targets(fault.places, robots, cameras), origin, f"{path}.target")
     return fault
 
 
-def _targets(places: Collection[Place], robots: Collection[str], cameras: Collection[str]) -> tuple[str, ...]:
+def targets(places: Collection[Place], robots: Collection[str], cameras: Collection[str]) -> tuple[str, ...]:
+    """The targets that a fault can have.
+
+    Args:
+        places: what it can befall.
+        robots: the names of the robots.
+        cameras: the names of the cameras.
+    """
     names = {
         Place.ROBOT: tuple(robots),
         Place.AGENT: tuple(f"{name}/agent" for name in robots),

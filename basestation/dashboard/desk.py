@@ -1,0 +1,308 @@
+"""Orders from pages: each is one that the command line gives too, and is answered with what came of it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Annotated, Any, Final
+
+import msgspec
+from msgspec import Meta
+
+from basestation.dashboard.access import Right
+from basestation.dashboard.client import BadMessage, Client
+from basestation.dashboard.hands import Hands
+from basestation.dashboard.watching import FleetWatch
+from muro_zenoh import channels
+from muro_zenoh.config import Scenario
+from muro_zenoh.errors import MuroError, NoReply
+from muro_zenoh.messages import Clear, Goal, Name, Reply, SetBehaviour, SetCircle, Value
+from muro_zenoh.orders.behaviour import set_behaviour
+from muro_zenoh.orders.goal import send_goal
+from muro_zenoh.orders.receipt import StopStatus
+from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
+from muro_zenoh.orders.wording import receipt_json, receipt_lines
+from muro_zenoh.transport import Bus
+
+log = logging.getLogger(__name__)
+
+_MOST_AT_ONCE: Final = 8
+"""Orders of one client that are under way; a stop does not count."""
+
+Names = Annotated[tuple[Name, ...], Meta(max_length=1000)]
+
+
+class Order(msgspec.Struct, tag_field="order", forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What every order has.
+
+    Attributes:
+        id: comes back in the reply.
+    """
+
+    id: Annotated[int, Meta(ge=0, le=2**53)]
+
+    @property
+    def word(self) -> str:
+        """Which order it is."""
+        return str(self.__struct_config__.tag)
+
+
+class StopOrder(Order, frozen=True, kw_only=True, tag="stop"):
+    """Stop ``names``; none for all robots."""
+
+    names: Names = ()
+
+
+class ResumeOrder(Order, frozen=True, kw_only=True, tag="resume"):
+    """Lift the stop of ``names``; none for all robots."""
+
+    names: Names = ()
+
+
+class GoalOrder(Order, frozen=True, kw_only=True, tag="goal"):
+    """Send the robot ``name`` to ``x``, ``y`` [m, world] with the heading ``theta`` [rad], nil for any."""
+
+    name: Name
+    x: float
+    y: float
+    theta: float | None = None
+
+
+class BehaviourOrder(Order, frozen=True, kw_only=True, tag="behaviour"):
+    """Change the behaviour of ``names``; none for all robots."""
+
+    behaviour: Annotated[str, Meta(max_length=128)]
+    parameters: dict[str, Value] = msgspec.field(default_factory=dict)
+    names: Names = ()
+
+
+class CircleOrder(Order, frozen=True, kw_only=True, tag="circle"):
+    """Change the circle; what is nil stays."""
+
+    x: float | None = None
+    y: float | None = None
+    radius: float | None = None
+    clockwise: bool | None = None
+
+
+class ClearOrder(Order, frozen=True, kw_only=True, tag="clear"):
+    """Forget where the robot ``name`` was last seen."""
+
+    name: Name
+
+
+class DriveOrder(Order, frozen=True, kw_only=True, tag="drive"):
+    """Drive the robot ``name`` by hand: ``v`` [m/s], ``omega`` [rad/s]."""
+
+    name: Name
+    v: float
+    omega: float
+
+
+class PictureOrder(Order, frozen=True, kw_only=True, tag="picture"):
+    """Send the pictures of ``camera``, or no longer."""
+
+    camera: Name
+    on: bool
+
+
+AnyOrder = StopOrder | ResumeOrder | GoalOrder | BehaviourOrder | CircleOrder | ClearOrder | DriveOrder | PictureOrder
+
+_decode = msgspec.msgpack.Decoder(AnyOrder).decode
+
+_FREE: Final = ("stop", "picture")
+"""What everyone may who may read."""
+
+
+class Desk:
+    """Takes orders, and gives them to the fleet.
+
+    Args:
+        bus: the bus, as an operator.
+        scenario: the settings.
+        watch: what is known of the fleet.
+    """
+
+    def __init__(self, bus: Bus, scenario: Scenario, watch: FleetWatch) -> None:
+        self._bus = bus
+        self._scenario = scenario
+        self._watch = watch
+        self._hands = Hands(bus)
+        self._running: dict[int, set[asyncio.Task[None]]] = {}
+        self._stops: dict[int, tuple[asyncio.Task[None], list[int]]] = {}
+        self._give: Mapping[type, Callable[[Any], Coroutine[Any, Any, dict[str, Any]]]] = {
+            ResumeOrder: self._resume,
+            GoalOrder: self._goal,
+            BehaviourOrder: self._behaviour,
+            CircleOrder: self._circle,
+            ClearOrder: self._clear,
+        }
+
+    def take(self, client: Client, data: bytes) -> None:
+        """Take an order.
+
+        Args:
+            client: whose.
+            data: the message.
+
+        Raises:
+            BadMessage: it is none.
+        """
+        try:
+            order = _decode(data)
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+            raise BadMessage(f"not an order: {error}") from None
+        if client.right is not Right.STEER and order.word not in _FREE:
+            self._answer(client, order, outcome="refused", reason="only an operator may: open the operator's link")
+        elif isinstance(order, StopOrder):
+            self._stop(client, order)
+        elif isinstance(order, DriveOrder):
+            self._drive(client, order)
+        elif isinstance(order, PictureOrder):
+            self._picture(client, order)
+        else:
+            self._begin(client, order)
+
+    def leave(self, client: Client) -> None:
+        """Forget a client that is gone: nothing is driven for it. Orders that it gave are carried out.
+
+        Args:
+            client: which.
+        """
+        self._hands.leave(client.number)
+
+    # ---- stop: always, at once, and as often as it is pressed
+
+    def _stop(self, client: Client, order: StopOrder) -> None:
+        """Every press sends the order anew: between two of them somebody may have resumed. The last receipt is for
+        all of them."""
+        self._hands.release(order.names)
+        ids = [order.id]
+        if client.number in self._stops:
+            running, earlier = self._stops.pop(client.number)
+            running.cancel()
+            ids = [*earlier[-16:], order.id]
+
+        async def stop() -> None:
+            result = await stop_robots(self._bus, order.names)
+            self._stops.pop(client.number, None)
+            self._watch.look()
+            for number in ids:
+                client.reply(id=number, order="stop", **_of_stop(result))
+
+        self._stops[client.number] = asyncio.create_task(stop(), name=f"stop of client {client.number}"), ids
+
+    def _end_stop(self, client: Client) -> None:
+        """Whoever resumes wants his own stop to be repeated no longer."""
+        if client.number in self._stops:
+            running, ids = self._stops.pop(client.number)
+            running.cancel()
+            for number in ids:
+                client.reply(id=number, order="stop", outcome="taken", reason="resumed before the receipt was complete")
+
+    # ---- orders that are answered
+
+    def _begin(self, client: Client, order: Order) -> None:
+        running = self._running.setdefault(client.number, set())
+        if len(running) >= _MOST_AT_ONCE:
+            self._answer(client, order, outcome="refused", reason=f"{len(running)} orders are still under way")
+            return
+        if isinstance(order, ResumeOrder):
+            self._end_stop(client)
+
+        async def give() -> None:
+            try:
+                result = await self._give[type(order)](order)
+            except NoReply as error:
+                result = {"outcome": "unanswered", "reason": str(error)}
+            except (MuroError, ValueError) as error:
+                result = {"outcome": "refused", "reason": str(error)}
+            self._watch.look()
+            self._answer(client, order, **result)
+
+        task = asyncio.create_task(give(), name=f"{order.word} of client {client.number}")
+        running.add(task)
+        task.add_done_callback(lambda done: self._end(client.number, done))
+
+    def _end(self, number: int, task: asyncio.Task[None]) -> None:
+        running = self._running[number]
+        running.discard(task)
+        if not running:
+            del self._running[number]
+        if not task.cancelled() and (error := task.exception()) is not None:
+            log.error("%s: %r", task.get_name(), error, exc_info=error)
+
+    async def _resume(self, order: ResumeOrder) -> dict[str, Any]:
+        result = await resume_robots(self._bus, order.names)
+        still = f"still stopped: {' '.join(result.still_stopped)}" if result.still_stopped else ""
+        return _of_reply(result.reply, still)
+
+    async def _goal(self, order: GoalOrder) -> dict[str, Any]:
+        self._require(order.name)
+        goal = Goal(x=order.x, y=order.y, theta=order.theta)
+        reply = await send_goal(self._bus, order.name, goal)
+        if reply.accepted:
+            self._watch.set_goal(order.name, goal)
+        return _of_reply(reply)
+
+    async def _behaviour(self, order: BehaviourOrder) -> dict[str, Any]:
+        change = SetBehaviour(behaviour=order.behaviour, parameters=order.parameters, names=order.names)
+        result = await set_behaviour(self._bus, change)
+        if result.refusals:
+            reasons = "; ".join(f"{name} cannot run it: {reason}" for name, reason in result.refusals.items())
+            return {"outcome": "refused", "reason": reasons}
+        return _of_reply(result.reply)
+
+    async def _circle(self, order: CircleOrder) -> dict[str, Any]:
+        change = SetCircle(x=order.x, y=order.y, radius=order.radius, clockwise=order.clockwise)
+        return _of_reply(await self._bus.ask(channels.SET_CIRCLE, change))
+
+    async def _clear(self, order: ClearOrder) -> dict[str, Any]:
+        return _of_reply(await self._bus.ask(channels.CLEAR, Clear(name=order.name)))
+
+    # ---- what is not answered
+
+    def _drive(self, client: Client, order: DriveOrder) -> None:
+        try:
+            self._require(order.name)
+            behaviour = self._watch.behaviours.get(order.name)
+            if behaviour is None or behaviour.behaviour != "manual":
+                runs = f"runs {behaviour.behaviour}" if behaviour is not None else "has no behaviour yet"
+                raise ValueError(f"{order.name} {runs}: choose the behaviour manual first")
+            self._hands.drive(client.number, order.name, order.v, order.omega)
+        except (MuroError, ValueError) as error:
+            if self._hands.may_complain(client.number):
+                self._answer(client, order, outcome="refused", reason=str(error))
+
+    def _picture(self, client: Client, order: PictureOrder) -> None:
+        if order.camera not in self._scenario.camera:
+            cameras = ", ".join(self._scenario.camera) or "none"
+            self._answer(client, order, outcome="refused", reason=f"got {order.camera!r}, expected one of {cameras}")
+            return
+        (client.cameras.add if order.on else client.cameras.discard)(order.camera)
+        self._answer(client, order, outcome="taken", reason="")
+
+    def _require(self, name: str) -> None:
+        if name not in self._scenario.robot:
+            raise ValueError(f"got the robot {name!r}, expected one of {', '.join(self._scenario.robots)}")
+
+    @staticmethod
+    def _answer(client: Client, order: Order, **values: Any) -> None:
+        client.reply(id=order.id, order=order.word, **values)
+
+
+def _of_reply(reply: Reply, reason: str = "") -> dict[str, Any]:
+    return {"outcome": "taken" if reply.accepted else "refused", "reason": reason or reply.reason}
+
+
+def _of_stop(result: StopResult) -> dict[str, Any]:
+    lines = receipt_lines(result)
+    unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE)
+    latched = any(robot.status not in unheard for robot in result.robots.values())
+    answered = latched or (result.reply is not None and result.reply.accepted)
+    return {
+        "outcome": "taken" if answered else "unanswered",
+        "reason": "" if result.confirmed else lines[-1],
+        "receipt": {**receipt_json(result), "lines": lines},
+    }
