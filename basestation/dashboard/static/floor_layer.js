@@ -10,6 +10,10 @@
 const BAND = 0.1;
 const BAND_HEIGHT = 0.13;
 
+/** Letters on the canvas. */
+export const SMALL = "11px Inter, system-ui, sans-serif";
+export const BOLD = "600 12px Inter, system-ui, sans-serif";
+
 /** More robots than that leave no room for the values of their gaps. */
 const MOST_GAPS = 24;
 
@@ -50,7 +54,7 @@ export function drawFloor(context, view, palette, [left, bottom, right, top], co
   context.lineWidth = 1.5;
   context.strokeRect(x, y, width, height);
   context.fillStyle = palette.muted;
-  context.font = "11px system-ui, sans-serif";
+  context.font = SMALL;
   context.textAlign = "right";
   context.textBaseline = "top";
   context.fillText(`grid ${step} m`, x + width - 2, y + height + 6);
@@ -69,7 +73,7 @@ export function drawCameras(context, view, palette, cameras) {
   context.fillStyle = palette.muted;
   context.lineWidth = 1;
   context.setLineDash([2, 5]);
-  context.font = "11px system-ui, sans-serif";
+  context.font = SMALL;
   context.textAlign = "left";
   for (const [name, { outline }] of Object.entries(cameras)) {
     if (outline.length === 0) continue;
@@ -181,10 +185,9 @@ export function drawGaps(context, view, palette, fleet, circle) {
   const gaps = Object.entries(fleet.gaps);
   if (gaps.length < 2 || gaps.length > MOST_GAPS) return;
   const sense = circle.clockwise ? -1 : 1;
-  context.font = "11px system-ui, sans-serif";
+  context.font = SMALL;
   context.textAlign = "center";
   context.textBaseline = "middle";
-  context.lineWidth = 1;
   for (const [name, gap] of gaps) {
     const robot = fleet.robots.get(name);
     if (robot === undefined || !robot.placed) continue;
@@ -198,6 +201,7 @@ export function drawGaps(context, view, palette, fleet, circle) {
     context.arc(x, y, inner, -(from + sense * edge), -(from + sense * (gap - edge)), sense > 0);
     context.strokeStyle = palette.muted;
     context.globalAlpha = 0.45;
+    context.lineWidth = 1;
     context.stroke();
     context.globalAlpha = 1;
     const middle = from + (sense * gap) / 2;

@@ -38,8 +38,9 @@ export class ParameterForm {
         else field.reportValidity();
       };
       const unit = parameter.unit ? ` [${parameter.unit}]` : "";
-      const label = element("label", { title: parameter.doc ?? "" }, element("span", {}, key.replaceAll("_", " ") + unit), field);
-      if (parameter.doc) label.append(element("small", {}, parameter.doc));
+      const doc = (parameter.doc ?? "").replaceAll("``", "").replace(unit, "");
+      const label = element("label", { title: doc }, element("span", {}, key.replaceAll("_", " ") + unit), field);
+      if (doc) label.append(element("small", {}, doc));
       this.where.append(label);
       this.#fields.set(key, field);
     }
@@ -68,9 +69,9 @@ export class ParameterForm {
    */
   #applies({ when }) {
     if (!when) return true;
-    const [key, choice] = when;
+    const [key, choices] = when;
     const above = this.#table[key];
-    return this.#fields.get(key)?.value === choice && (above === undefined || this.#applies(above));
+    return choices.includes(this.#fields.get(key)?.value ?? "") && (above === undefined || this.#applies(above));
   }
 
   #showThoseThatApply() {

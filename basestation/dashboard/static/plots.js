@@ -1,7 +1,9 @@
 /** The plots of the last minutes: which robots, live or frozen, with the values under the pointer. */
 
 import { element } from "./dom.js";
+import { SMALL } from "./floor_layer.js";
 import { uPlot } from "./vendor.js";
+import { clock } from "./words.js";
 
 /** @typedef {import("./history.js").Quantity} Quantity */
 /** @typedef {import("uplot")} UPlot */
@@ -134,7 +136,7 @@ export class Plots {
     const readout = element("span", { className: "readout" });
     const figure = element("figure", {}, element("figcaption", {}, element("span", {}, `${title} [${unit}]`), readout));
     this.#charts.append(figure);
-    const axis = { stroke: palette.muted, grid: { stroke: palette.line, width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
+    const axis = { stroke: palette.muted, grid: { stroke: palette.line, width: 1 }, ticks: { show: false }, font: SMALL };
     const series = this.#chosen.flatMap((name, index) =>
       quantities.map((_, second) => ({
         label: name,
@@ -157,7 +159,7 @@ export class Plots {
           y: { range: (_, low, high) => widened(low, high, least) },
         },
         axes: [
-          { ...axis, size: 22, gap: 2, space: 90 },
+          { ...axis, size: 22, gap: 2, space: 90, values: (_, times) => times.map(clock) },
           { ...axis, size: 44, gap: 4, space: 28 },
         ],
         series: [{}, ...series],

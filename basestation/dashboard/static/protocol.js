@@ -23,7 +23,7 @@
  * @property {number | null} [below]
  * @property {string} [doc]
  * @property {string[] | null} [choices]
- * @property {[string, string] | null} [when]  it is there only while the choice of this key has this value.
+ * @property {[string, string[]] | null} [when]  it is there only while the choice of this key is one of these.
  *
  * @typedef {object} BehaviourFacts
  * @property {string} summary  what it does, in one line.

@@ -1,6 +1,6 @@
 /** The robots, to scale: their condition by shape and colour, heading, name, and where the separation filter acts. */
 
-import { halo } from "./floor_layer.js";
+import { BOLD, halo, SMALL } from "./floor_layer.js";
 import { figure, WORDS } from "./words.js";
 
 /** @typedef {CanvasRenderingContext2D} Context */
@@ -189,11 +189,11 @@ function drawName(context, view, palette, robot) {
   const { condition } = robot;
   const x = view.px(robot.x);
   const y = view.py(robot.y) + Math.max(LEAST_RADIUS, robot.facts.radius * view.scale) + 5;
-  context.font = "600 12px system-ui, sans-serif";
+  context.font = BOLD;
   halo(context, palette, robot.name, x, y, condition === "lost" ? palette.muted : palette.ink);
   if (condition === "driving" || condition === "holding" || condition === "stopped") return;
   const aged = condition === "lost" || condition === "stale";
-  context.font = "11px system-ui, sans-serif";
+  context.font = SMALL;
   const words = aged ? `${WORDS[condition]} ${figure(robot.age, (robot.age ?? 0) < 10 ? 1 : 0)} s` : WORDS[condition];
   halo(context, palette, words, x, y + 14, palette.muted);
 }

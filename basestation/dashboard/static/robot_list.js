@@ -8,7 +8,7 @@ import { figure, WORDS } from "./words.js";
 /** What is said of a robot, in one line. @param {Robot} robot */
 function inWords(robot) {
   const { condition, details } = robot;
-  if (condition === "driving") return details.note || details.behaviour || "";
+  if (condition === "driving") return details.note;
   if ((condition === "lost" || condition === "stale") && robot.age !== null) {
     return details.reason || `last seen ${figure(robot.age, 1)} s ago`;
   }
@@ -40,7 +40,8 @@ export class RobotList {
       const parts = this.#rows.get(robot.name);
       if (parts === undefined) continue;
       changeSign(parts.sign, robot.condition);
-      say(parts.condition, WORDS[robot.condition]);
+      const { behaviour } = robot.details;
+      say(parts.condition, WORDS[robot.condition] + (behaviour ? ` · ${behaviour}` : ""));
       say(parts.reason, inWords(robot));
       say(parts.speed, robot.placed && robot.condition !== "lost" ? `${figure(robot.v, 2)} m/s` : "");
       parts.row.setAttribute("aria-pressed", String(robot.name === selected));

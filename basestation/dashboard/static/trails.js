@@ -50,7 +50,7 @@ export class Trails {
       for (const robot of robots) if (robot.name !== selected) this.#trace(context, view, robot, piece);
       context.globalAlpha = 0.14 + 0.14 * piece;
       context.strokeStyle = palette.muted;
-      context.lineWidth = 1.5;
+      context.lineWidth = 2.5;
       context.stroke();
       const robot = selected ? [...robots].find(({ name }) => name === selected) : undefined;
       if (robot === undefined) continue;
@@ -58,7 +58,7 @@ export class Trails {
       this.#trace(context, view, robot, piece);
       context.globalAlpha = 0.3 + 0.3 * piece;
       context.strokeStyle = palette.accent;
-      context.lineWidth = 2;
+      context.lineWidth = 3;
       context.stroke();
     }
     context.globalAlpha = 1;
