@@ -18,9 +18,6 @@ from muro_zenoh.errors import ConfigError
 PROTOCOL: Final = "muro"
 _TOKEN: Final = "token."
 
-DEFAULT: Final = "127.0.0.1:8010"
-"""Where the page is served."""
-
 
 class Right(Enum):
     """What a client may do."""
@@ -80,12 +77,15 @@ class Address(NamedTuple):
             return False
 
     @property
+    def text(self) -> str:
+        """``HOST:PORT``, as it is typed."""
+        return f"{_bracketed(self.host)}:{self.port}"
+
+    @property
     def url(self) -> str:
         """What to open in a browser, without a token."""
-        host = self.host
-        if host in ("0.0.0.0", "::"):
-            host = socket.gethostname()
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+        host = socket.gethostname() if self.host in ("0.0.0.0", "::") else self.host
+        return f"http://{_bracketed(host)}:{self.port}"
 
 
 def address_of(text: str) -> Address:
@@ -100,7 +100,7 @@ def address_of(text: str) -> Address:
     host, colon, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not colon or not host or not port.isascii() or not port.isdigit() or not int(port) < 65536:
-        raise ConfigError("--web", got=repr(text), expected=f"HOST:PORT, such as {DEFAULT}")
+        raise ConfigError("--web", got=repr(text), expected="HOST:PORT, such as 127.0.0.1:8010")
     return Address(host, int(port))
 
 
@@ -156,6 +156,10 @@ class Access:
             host: the header ``Host``.
         """
         return origin is None or origin in (f"http://{host}", f"https://{host}")
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
 
 
 def _is_number(host: str) -> bool:

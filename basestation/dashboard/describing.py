@@ -12,7 +12,6 @@ import numpy as np
 
 from muro_zenoh import __version__
 from muro_zenoh.behaviours import table
-from muro_zenoh.behaviours.interface import BehaviourKind
 from muro_zenoh.config import Scenario
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.config.faults import KINDS
@@ -124,8 +123,7 @@ def outline(camera: CameraModel, height: float) -> list[list[float]]:
 
 
 def _behaviour(name: str) -> dict[str, Any]:
-    kind = table.find(name)
-    assert isinstance(kind, BehaviourKind)  # it is a built-in one
+    kind = table.built_in(name)
     return {
         "summary": kind.summary,
         "needs": sorted(need.value for need in kind.needs),

@@ -15,6 +15,8 @@ from basestation.dashboard.client import BadMessage, Client
 from basestation.dashboard.hands import Hands
 from basestation.dashboard.watching import FleetWatch
 from muro_zenoh import channels
+from muro_zenoh.behaviours import table
+from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import MuroError, NoReply
 from muro_zenoh.messages import Clear, Goal, Name, Reply, SetBehaviour, SetCircle, Value
@@ -110,6 +112,9 @@ class PictureOrder(Order, frozen=True, kw_only=True, tag="picture"):
 AnyOrder = StopOrder | ResumeOrder | GoalOrder | BehaviourOrder | CircleOrder | ClearOrder | DriveOrder | PictureOrder
 
 _decode = msgspec.msgpack.Decoder(AnyOrder).decode
+
+_BY_HAND: Final = frozenset(name for name in table.names() if Need.HAND in table.built_in(name).needs)
+"""The behaviours that are driven by hand."""
 
 _FREE: Final = ("stop", "picture")
 """What everyone may who may read."""
@@ -267,9 +272,9 @@ class Desk:
         try:
             self._require(order.name)
             behaviour = self._watch.behaviours.get(order.name)
-            if behaviour is None or behaviour.behaviour != "manual":
+            if behaviour is None or behaviour.behaviour not in _BY_HAND:
                 runs = f"runs {behaviour.behaviour}" if behaviour is not None else "has no behaviour yet"
-                raise ValueError(f"{order.name} {runs}: choose the behaviour manual first")
+                raise ValueError(f"{order.name} {runs}: choose the behaviour {' or '.join(sorted(_BY_HAND))} first")
             self._hands.drive(client.number, order.name, order.v, order.omega)
         except (MuroError, ValueError) as error:
             if self._hands.may_complain(client.number):

@@ -11,7 +11,8 @@ from typing import Final
 from basestation.dashboard.access import Access, Address, Tokens
 from basestation.dashboard.describing import describe
 from basestation.dashboard.desk import Desk
-from basestation.dashboard.server import Clients, listen, make_app, serve
+from basestation.dashboard.offer import listen
+from basestation.dashboard.server import Clients, make_app, serve
 from basestation.dashboard.watching import FleetWatch
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario

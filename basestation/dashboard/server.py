@@ -188,27 +188,3 @@ async def serve(app: ASGIApp, listening: socket.socket) -> None:
         await server.serve(sockets=[listening])
     finally:
         server.should_exit = True
-
-
-def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens.
-
-    Args:
-        host: where.
-        port: which; 0 for a free one.
-
-    Raises:
-        OSError: it is taken, or not of this machine.
-    """
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-    family, kind, proto, _, address = found[0]
-    listening = socket.socket(family, kind, proto)
-    try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind(address)
-        listening.listen(128)
-        listening.setblocking(False)
-    except OSError:
-        listening.close()
-        raise
-    return listening

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Protocol
 
+from basestation.dashboard.offer import Offer
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import INTERRUPTED, OrderRefused, SupervisionError
@@ -44,12 +45,14 @@ class RunSettings:
         folder: of the run.
         seed: the simulator's seed.
         connect: endpoint of a running router, with the processes of the fleet that are there; None to start one.
+        page: what the base station serves; or why nothing, empty where nobody wants to know.
     """
 
     scenario: Scenario
     folder: Path
     seed: int = 1
     connect: str | None = None
+    page: Offer | str = ""
 
 
 class RunResult(NamedTuple):
@@ -152,7 +155,9 @@ async def _run(settings: RunSettings, supervisor: Supervisor, links: Links, scre
     """From the first process to the end of the run; the supervisor stops the processes."""
     if settings.connect is not None:
         return await _run_on(settings.connect, settings, supervisor, links, screen)
-    scenario, starting = await launch.start_all(supervisor, settings.scenario, settings.seed, settings.folder, links)
+    scenario, starting = await launch.start_all(
+        supervisor, settings.scenario, settings.seed, settings.folder, links, settings.page
+    )
     endpoint = scenario.bus.connect[0]
     if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
         screen.notify(
@@ -180,7 +185,8 @@ async def _run_on(
             screen.notify(f"running already: {' '.join(sorted(there.processes))}")
         if links.endpoints:
             links.lead_to(endpoint)
-        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder, links.endpoints)
+        file = write_scenario(scenario, folder)
+        specs = launch.fleet_specs(scenario, file, settings.seed, folder, links.endpoints, settings.page)
         missing = [spec for spec in specs if spec.name not in there.processes]
         starting = asyncio.create_task(supervisor.start(missing), name="start the fleet")
         stack.push_async_callback(_ended, starting)
@@ -215,6 +221,9 @@ async def _observe(
             stack.enter_context(screen.operating(bus))
             await starting
             screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
+            if not there.basestation and settings.page:
+                page = settings.page
+                screen.notify(page if isinstance(page, str) else "\n".join(page.lines))
             if there.basestation:  # it keeps what was ordered before
                 await joining.order(bus, scenario)
             else:
