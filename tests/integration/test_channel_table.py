@@ -76,7 +76,7 @@ class _Recording:
 
 
 class Fleet:
-    """The record of a fleet: in pursuit, on a circle, by hand, with a goal and in coverage, then stopped and resumed."""
+    """The record of a fleet: in pursuit, on a circle, by hand, to a goal and in coverage, then stopped and resumed."""
 
     def __init__(self) -> None:
         self.links: dict[str, RecordingLink] = {}
