@@ -10,13 +10,13 @@ from typing import Annotated, Any, Final, Literal, get_args, get_origin
 
 import numpy as np
 
+from basestation.localization.floor_map import FloorMap
 from muro_zenoh import __version__
 from muro_zenoh.behaviours import table
 from muro_zenoh.config import Scenario
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.config.faults import KINDS
 from muro_zenoh.config.schema import REQUIRED, Field, fields_of
-from muro_zenoh.optics.camera_model import CameraModel
 from muro_zenoh.quantities import Quantity, quantity_of
 
 _EDGE: Final = 12
@@ -56,7 +56,7 @@ def describe(scenario: Scenario) -> dict[str, Any]:
         },
         "behaviours": {name: _behaviour(name) for name in table.names()},
         "cameras": {
-            name: {"outline": outline(camera_model(name, settings, arena), tag_height(scenario))}
+            name: {"outline": outline(FloorMap(camera_model(name, settings, arena)), tag_height(scenario))}
             for name, settings in scenario.camera.items()
         },
     }
@@ -96,30 +96,24 @@ def tag_height(scenario: Scenario) -> float:
     return float(np.median([robot.tag_z for robot in scenario.robot.values()]))
 
 
-def outline(camera: CameraModel, height: float) -> list[list[float]]:
+def outline(view: FloorMap, height: float) -> list[list[float]]:
     """What a camera sees of a plane, as a polygon [m, world]; empty when its picture shows the horizon.
 
     Args:
-        camera: the camera.
+        view: the camera.
         height: of the plane [m].
     """
     steps = np.linspace(0.0, 1.0, _EDGE, endpoint=False)
-    right, lower = camera.width - 1.0, camera.height - 1.0
+    right, lower = view.camera.width - 1.0, view.camera.height - 1.0
     edges = [
         np.column_stack((right * steps, 0.0 * steps)),
         np.column_stack((0.0 * steps + right, lower * steps)),
         np.column_stack((right * (1.0 - steps), 0.0 * steps + lower)),
         np.column_stack((0.0 * steps, lower * (1.0 - steps))),
     ]
-    rays = camera.rays(np.concatenate(edges))
-    # The plane's homography, from metres on it to the camera's frame, inverted.
-    plane = camera.view[:, [0, 1]]
-    shift = camera.view[:, 3] + camera.view[:, 2] * height
-    points = np.column_stack((rays, np.ones(len(rays)))) @ np.linalg.inv(np.column_stack((plane, shift))).T
-    if not (np.isfinite(points).all() and (points[:, 2] > 1e-6).all()):
-        return []
-    corners: list[list[float]] = np.round(points[:, :2] / points[:, 2:], 4).tolist()
-    return corners
+    points = view.to_metres(np.concatenate(edges), height)
+    corners: list[list[float]] = np.round(points, 4).tolist()
+    return corners if np.isfinite(points).all() else []
 
 
 def _behaviour(name: str) -> dict[str, Any]:

@@ -62,9 +62,11 @@ class Events:
             alive: role and name of each.
         """
         before, self._alive = self._alive, set(alive)
-        for role, name in sorted(alive - (before or set())) if before is not None else ():
+        if before is None:
+            return
+        for role, name in sorted(self._alive - before):
             self.add(t, name, f"{role} is there")
-        for role, name in sorted((before or set()) - alive):
+        for role, name in sorted(before - self._alive):
             self.add(t, name, f"{role} is gone")
 
     def stop(self, t: float, order: StopOrder) -> None:

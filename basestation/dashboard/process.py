@@ -9,15 +9,16 @@ import socket
 from typing import Final
 
 from basestation.dashboard.access import Access, Address, Tokens
-from basestation.dashboard.describing import describe
+from basestation.dashboard.describing import describe, tag_height
 from basestation.dashboard.desk import Desk
 from basestation.dashboard.offer import listen
+from basestation.dashboard.pictures import Pictures
 from basestation.dashboard.server import Clients, make_app, serve
 from basestation.dashboard.watching import FleetWatch
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import TransportError
-from muro_zenoh.runtime.process import ready
+from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
@@ -51,6 +52,8 @@ class Dashboard:
         hello = {**describe(scenario), "simulated": False, "faults": {}}
         self.clients = Clients(access, self._watch.frames, hello, self._desk)
         self.app = make_app(self.clients, access)
+        self._bus = bus
+        self._scenario = scenario
 
     async def run(self, listening: socket.socket) -> None:
         """Serve until cancelled.
@@ -58,9 +61,21 @@ class Dashboard:
         Args:
             listening: the socket.
         """
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._tick(), name="tick")
-            tasks.create_task(serve(self.app, listening), name="web server")
+        height = tag_height(self._scenario)
+        with worker_threads(1, "picture") as threads:
+            pictures = Pictures(self._bus, self._scenario, height, self._wanted, self._show, threads)
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._tick(), name="tick")
+                tasks.create_task(pictures.run(), name="pictures")
+                tasks.create_task(serve(self.app, listening), name="web server")
+
+    def _wanted(self) -> set[str]:
+        return {camera for client in self.clients for camera in client.cameras}
+
+    def _show(self, camera: str, picture: bytes) -> None:
+        for client in self.clients:
+            if camera in client.cameras:
+                client.picture(camera, picture)
 
     async def _tick(self) -> None:
         loop = asyncio.get_running_loop()
@@ -85,7 +100,9 @@ async def run_dashboard(scenario: Scenario, address: Address, tokens: Tokens) ->
         NotConnected: no router answered.
         TransportError: the address cannot be listened on.
     """
+    logging.getLogger("uvicorn").setLevel(logging.WARNING)  # it greets at length
     listening = await _listen(address)
+    log.info("the page is at %s", address.url)
     async with open_bus(scenario.bus, Role.OPERATOR) as bus:
         ready("page")
         await Dashboard(bus, scenario, Access(address, tokens)).run(listening)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from basestation.dashboard.events import Events
 from basestation.dashboard.frames import Frames
+from basestation.dashboard.processes import Processes
 from basestation.dashboard.ring import RingOf
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -23,7 +24,7 @@ _COMMAND_TIMEOUT: Final = 0.5
 _SILENT: Final = channels.ALL_POSITIONS.stale_after
 """All positions that are older say nothing about now [s]."""
 
-_SLOW_PERIOD: Final = 0.5
+_SLOW_PERIOD: Final = 0.25
 """Time between two looks at what is slow [s]; what robots report when something changes is looked at in each tick."""
 
 _UNKNOWN: Final = (None,) * 8
@@ -61,7 +62,8 @@ class FleetWatch:
         self._events = Events(self.frames)
         self._ring = RingOf(scenario)
         self._slow_at = -math.inf
-        self._usage: dict[str, tuple[float, float, float]] = {}
+        self._processes = Processes()
+        self._processes_at = -math.inf
 
     @property
     def behaviours(self) -> Mapping[str, Behaviour]:
@@ -145,7 +147,10 @@ class FleetWatch:
                 },
             )
         self._set_kept(now, seen, behaviours)
-        self._set_processes(now, healths)
+        self._events.processes(now, self._roster.alive)
+        if now - self._processes_at >= channels.HEALTH.period or now < self._processes_at:
+            self._processes_at = now
+            self.frames.set_part("processes", self._processes.rows(now, healths, self._roster.alive))
 
     def _goal_of(self, name: str, behaviour: Behaviour | None) -> list[float | None] | None:
         runs, goal = self._goals.get(name, ("", None))
@@ -184,35 +189,6 @@ class FleetWatch:
         ]
         frames.set_part("lease", held)
         self._events.leases(now, leases)
-
-    def _set_processes(self, now: float, healths: Mapping[str, Received[Health]]) -> None:
-        alive = {name for _, name in self._roster.alive}
-        rows = {}
-        for name in sorted({*healths, *alive}):
-            received = healths.get(name)
-            roles = sorted(role for role, one in self._roster.alive if one == name)
-            if received is None:
-                rows[name] = _process(roles[0] if roles else "", bool(roles), None)
-                continue
-            age = received.age(now)
-            row = _process(received.message.role, name in alive, received.message)
-            row["age"] = round(age, 1)
-            row["cpu"] = self._cpu(name, received)
-            rows[name] = row
-        self._events.processes(now, {(role, name) for role, name in self._roster.alive})
-        self.frames.set_part("processes", rows)
-
-    def _cpu(self, name: str, received: Received[Health]) -> float | None:
-        """Processor time of a process since its report before [% of a core]."""
-        used, at = received.message.numbers.get("cpu_s"), received.message.stamp
-        if used is None:
-            return None
-        before, known_at, percent = self._usage.get(name, (used, at, math.nan))
-        if at > known_at:
-            percent = 100.0 * max(0.0, used - before) / (at - known_at)
-            before, known_at = used, at
-        self._usage[name] = before, known_at, percent
-        return round(percent, 1) if math.isfinite(percent) else None
 
 
 def state_of(
@@ -289,25 +265,3 @@ def _wheels(received: Received[BaseState] | None, now: float) -> str:
         if getattr(state, what):
             return what.replace("_", " ")
     return "no fresh command: its wheels are at zero" if state.dead_man else ""
-
-
-def _process(role: str, alive: bool, report: Health | None) -> dict[str, Any]:
-    numbers = report.numbers if report is not None else {}
-
-    def total(end: str) -> int:
-        return int(sum(count for word, count in numbers.items() if word.endswith(end)))
-
-    return {
-        "role": role,
-        "alive": alive,
-        "state": report.state if report is not None else "",
-        "age": None,
-        "reasons": list(report.reasons) if report is not None else [],
-        "complaints": list(report.complaints) if report is not None else [],
-        "cpu": None,
-        "memory": numbers.get("memory_mb"),
-        "rates": {word: rate for word, rate in numbers.items() if word.endswith("_hz")},
-        "drops": total("_dropped"),
-        "rejects": total("_rejected"),
-        "numbers": numbers,
-    }

@@ -89,7 +89,8 @@ def basestation(file: str, state: Path, tokens: Path | None, web: str | None, bu
         if isinstance(offered, str):
             click.echo(offered)
         else:
-            click.echo("\n".join(offered.lines))
+            if tokens is None:  # otherwise the one who chose the file has said where the page is
+                click.echo("\n".join(offered.lines))
             page = page_command(file, offered, scenario.bus)
     _run(lambda: run_basestation(scenario, state, page), "basestation")
 

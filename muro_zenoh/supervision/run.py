@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,7 +139,8 @@ class _Logged:
         self.operating = screen.operating
 
     def notify(self, text: str) -> None:
-        write_event(text, self._folder)
+        # The log may be read by others than the operator, and the token is his.
+        write_event(re.sub(r"(?<=#token=)\S+", "...", text), self._folder)
         self._screen.notify(text)
 
     def __enter__(self) -> Screen:
