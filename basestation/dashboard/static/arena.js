@@ -48,6 +48,7 @@ export class Arena {
   /** Take the newest state of the fleet. @param {number} now  [s] */
   take(now) {
     this.#trails.take(this.fleet.robots.values(), now);
+    this.pictures.remember(this.fleet.robots.values(), now);
     this.redraw();
   }
 
@@ -108,7 +109,8 @@ export class Arena {
       else this.#drawHandles(circle);
     }
     this.#trails.draw(context, view, palette, robots, this.selected);
-    drawRobots(context, view, palette, robots, this.selected);
+    if (covered) this.pictures.drawRings(context, view);
+    drawRobots(context, view, palette, robots, this.selected, covered);
     if (this.goal !== null) drawGoal(context, view, palette, this.goal, true);
   }
 

@@ -5,6 +5,9 @@
  * sent. A hand is off when the key or finger is lifted, and when the page loses the focus, is hidden or is left.
  */
 
+/** The behaviour that obeys a hand. */
+export const MANUAL = "manual";
+
 /** [ms] */
 const PERIOD = 100;
 
@@ -114,15 +117,23 @@ export class Driving {
     this.changed();
   }
 
+  /** What the behaviour that obeys a hand allows the robot [m/s, rad/s]. @returns {[number, number]} */
+  #limits() {
+    const robot = this.fleet.robots.get(this.name);
+    const table = this.fleet.hello?.behaviours[MANUAL]?.parameters ?? {};
+    const { speed, turning } = robot?.details.parameters ?? {};
+    return [speed ?? table.speed?.default ?? 0, turning ?? table.turning?.default ?? 0];
+  }
+
   #send() {
-    const { v_max, omega_max } = this.fleet.robots.get(this.name)?.facts ?? { v_max: 0, omega_max: 0 };
+    const [speed, turning] = this.#limits();
     const [forwards, left] = this.wish;
     const sent = this.connection.send({
       order: "drive",
       id: 0,
       name: this.name,
-      v: this.pace * forwards * v_max,
-      omega: this.pace * left * omega_max,
+      v: this.pace * forwards * speed,
+      omega: this.pace * left * turning,
     });
     if (!sent) {
       // The connection is gone, and with it the hand: when it comes back the key must be pressed anew.

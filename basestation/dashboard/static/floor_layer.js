@@ -57,7 +57,7 @@ export function drawFloor(context, view, palette, [left, bottom, right, top], co
   context.font = SMALL;
   context.textAlign = "right";
   context.textBaseline = "top";
-  context.fillText(`grid ${step} m`, x + width - 2, y + height + 6);
+  halo(context, palette, `grid ${step} m`, x + width - 2, y + height + 6, palette.muted);
 }
 
 /**
@@ -69,16 +69,16 @@ export function drawFloor(context, view, palette, [left, bottom, right, top], co
  * @param {Record<string, {outline: import("./protocol.js").Point[]}>} cameras
  */
 export function drawCameras(context, view, palette, cameras) {
-  context.strokeStyle = palette.faint;
-  context.fillStyle = palette.muted;
-  context.lineWidth = 1;
-  context.setLineDash([2, 5]);
   context.font = SMALL;
   context.textAlign = "left";
   for (const [name, { outline }] of Object.entries(cameras)) {
     if (outline.length === 0) continue;
     outlinePath(context, view, outline);
+    context.strokeStyle = palette.faint;
+    context.lineWidth = 1;
+    context.setLineDash([2, 5]);
     context.stroke();
+    context.setLineDash([]);
     // Its name stands at the corner that is farthest from the middle, inside the canvas.
     const corner = outline.reduce((a, b) => (b[1] - b[0] > a[1] - a[0] ? b : a));
     const middle = outline.reduce((sum, point) => sum + point[1], 0) / outline.length;
@@ -88,9 +88,8 @@ export function drawCameras(context, view, palette, cameras) {
     context.textBaseline = upper ? "top" : "bottom";
     const px = Math.max(8, view.px(x) + 6);
     const py = upper ? Math.max(6, view.py(y) + 5) : Math.min(view.height - 6, view.py(y) - 5);
-    context.fillText(`camera ${name}`, px, py);
+    halo(context, palette, `camera ${name}`, px, py, palette.muted);
   }
-  context.setLineDash([]);
 }
 
 /**
@@ -229,7 +228,7 @@ export function drawGaps(context, view, palette, fleet, circle) {
 export function halo(context, palette, text, x, y, colour) {
   context.lineJoin = "round";
   context.lineWidth = 4;
-  context.strokeStyle = palette.floor;
+  context.strokeStyle = palette.rim;
   context.strokeText(text, x, y);
   context.fillStyle = colour;
   context.fillText(text, x, y);

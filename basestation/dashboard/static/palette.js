@@ -11,6 +11,7 @@ export class Palette {
   faint = "";
   line = "";
   floor = "";
+  rim = "";
   surface = "";
   accent = "";
   importance = "";
@@ -33,6 +34,7 @@ export class Palette {
     this.faint = colour("--faint");
     this.line = colour("--line");
     this.floor = colour("--floor");
+    this.rim = colour("--rim");
     this.surface = colour("--surface");
     this.accent = colour("--accent");
     this.importance = colour("--importance");

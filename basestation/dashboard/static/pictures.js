@@ -2,12 +2,19 @@
 
 /** @typedef {import("./protocol.js").Box} Box */
 
+/** How long it is remembered where the robots were [s]: a picture is some time under way. */
+const REMEMBERED = 2;
+
+/** @typedef {{t: number, x: number, y: number, radius: number}} Place */
+
 export class Pictures {
   /** Whether they are wanted. */
   on = false;
 
-  /** @type {Map<string, {image: ImageBitmap, area: Box}>} */
+  /** @type {Map<string, {image: ImageBitmap, area: Box, t: number}>} */
   #newest = new Map();
+  /** Where each robot was, and when. @type {Map<string, Place[]>} */
+  #places = new Map();
   /** @type {import("./connection.js").Connection} */
   #connection;
   /** @type {() => void} */
@@ -34,12 +41,28 @@ export class Pictures {
     if (!on) this.#newest.clear();
   }
 
+  /**
+   * Remember where the robots are.
+   *
+   * @param {Iterable<import("./fleet.js").Robot>} robots
+   * @param {number} now  [s]
+   */
+  remember(robots, now) {
+    if (!this.on) return;
+    for (const { name, placed, x, y, age, facts } of robots) {
+      let places = this.#places.get(name);
+      if (places === undefined) this.#places.set(name, (places = []));
+      while (places[0] !== undefined && places[0].t < now - REMEMBERED) places.shift();
+      if (placed && age !== null) places.push({ t: now - age, x, y, radius: facts.radius });
+    }
+  }
+
   /** @param {import("./protocol.js").Picture} picture */
-  async take({ camera, jpeg, area }) {
+  async take({ camera, jpeg, area, t }) {
     const image = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
     this.#newest.get(camera)?.image.close();
     if (!this.on) return image.close();
-    this.#newest.set(camera, { image, area });
+    this.#newest.set(camera, { image, area, t });
     this.#arrived();
   }
 
@@ -58,4 +81,48 @@ export class Pictures {
     context.globalCompositeOperation = "source-over";
     return this.#newest.size > 0;
   }
+
+  /**
+   * A ring where each robot was when the picture that shows it was taken: a picture is older than what is drawn over it.
+   *
+   * @param {CanvasRenderingContext2D} context
+   * @param {import("./view.js").View} view
+   */
+  drawRings(context, view) {
+    context.beginPath();
+    for (const { area, t } of this.#newest.values()) {
+      for (const places of this.#places.values()) {
+        const place = nearest(places, t);
+        if (place === undefined || !holds(area, place)) continue;
+        const x = view.px(place.x);
+        const radius = place.radius * view.scale;
+        context.moveTo(x + radius, view.py(place.y));
+        context.arc(x, view.py(place.y), radius, 0, 2 * Math.PI);
+      }
+    }
+    context.strokeStyle = "#ffffff";
+    context.lineWidth = 1.5;
+    context.stroke();
+  }
+}
+
+/**
+ * The place at a time.
+ *
+ * @param {Place[]} places
+ * @param {number} t  [s]
+ */
+function nearest(places, t) {
+  /** @type {Place | undefined} */
+  let best;
+  for (const place of places) if (best === undefined || Math.abs(place.t - t) < Math.abs(best.t - t)) best = place;
+  return best;
+}
+
+/**
+ * @param {Box} area
+ * @param {Place} place
+ */
+function holds([left, bottom, right, top], { x, y }) {
+  return x >= left && x <= right && y >= bottom && y <= top;
 }

@@ -1,13 +1,11 @@
 /** The robot that was chosen: what is known of it, and what can be done with it. */
 
 import { element, say } from "./dom.js";
+import { MANUAL } from "./driving.js";
 import { Stick } from "./stick.js";
 import { figure, WORDS } from "./words.js";
 
 /** @typedef {import("./fleet.js").Robot} Robot */
-
-/** The behaviour that obeys a hand. */
-const MANUAL = "manual";
 
 /** The behaviour that drives to a goal, for a robot that has one that does not. */
 const TO_GOALS = "dubins";

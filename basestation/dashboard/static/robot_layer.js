@@ -20,11 +20,17 @@ const CROWD = 40;
  * @param {Palette} palette
  * @param {Robot[]} robots
  * @param {string} selected
+ * @param {boolean} covered  whether they lie on pictures, which are to be seen through them.
  */
-export function drawRobots(context, view, palette, robots, selected) {
+export function drawRobots(context, view, palette, robots, selected, covered) {
   // Lost ones at the bottom: what drives must not be hidden by what once was.
-  for (const robot of robots) if (robot.placed && robot.condition === "lost") drawRobot(context, view, palette, robot, selected);
-  for (const robot of robots) if (robot.placed && robot.condition !== "lost") drawRobot(context, view, palette, robot, selected);
+  for (const lost of [true, false]) {
+    for (const robot of robots) {
+      if (robot.placed && (robot.condition === "lost") === lost) {
+        drawRobot(context, view, palette, robot, robot.name === selected, covered);
+      }
+    }
+  }
   const named = robots.length <= CROWD || view.scale > 150;
   context.textAlign = "center";
   context.textBaseline = "top";
@@ -38,9 +44,10 @@ export function drawRobots(context, view, palette, robots, selected) {
  * @param {View} view
  * @param {Palette} palette
  * @param {Robot} robot
- * @param {string} selected
+ * @param {boolean} selected
+ * @param {boolean} covered
  */
-function drawRobot(context, view, palette, robot, selected) {
+function drawRobot(context, view, palette, robot, selected, covered) {
   const x = view.px(robot.x);
   const y = view.py(robot.y);
   const radius = Math.max(LEAST_RADIUS, robot.facts.radius * view.scale);
@@ -49,11 +56,11 @@ function drawRobot(context, view, palette, robot, selected) {
   if (robot.details.note && condition === "driving") {
     ring(context, x, y, radius + Math.max(4, robot.facts.margin * view.scale), palette.robots.holding, [3, 4], 2);
   }
-  if (robot.name === selected) ring(context, x, y, radius + 6, palette.accent, [], 2.5);
+  if (selected) ring(context, x, y, radius + 6, palette.accent, [], 2.5);
   context.save();
   context.translate(x, y);
   context.rotate(-robot.theta);
-  context.globalAlpha = condition === "lost" ? 0.6 : 1;
+  context.globalAlpha = condition === "lost" || covered ? 0.6 : 1;
   context.lineWidth = Math.max(2, radius * 0.1);
   context.strokeStyle = colour;
   context.fillStyle = condition === "driving" || condition === "stopped" ? colour : palette.surface;
