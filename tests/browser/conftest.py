@@ -1,4 +1,4 @@
-"""One browser and one run of real processes for each module: what the page is tried against."""
+"""One browser and one run of real processes for all tests: what the page is tried against."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ from playwright.async_api import Browser
 
 from tests.support.browser import PagedRun, Visit, browser_missing, chromium, paged_run, visit
 
-pytestmark = pytest.mark.asyncio(loop_scope="module")
 
-
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
+@pytest_asyncio.fixture(scope="session", loop_scope="session")
 async def browser() -> AsyncIterator[Browser]:
     """Debian's chromium."""
     if missing := browser_missing():
@@ -22,14 +20,14 @@ async def browser() -> AsyncIterator[Browser]:
         yield opened
 
 
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
+@pytest_asyncio.fixture(scope="session", loop_scope="session")
 async def run(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> AsyncIterator[PagedRun]:
     """``muro run pursuit`` with three robots. Pulled in by the browser: without one there is nothing to start."""
     async with paged_run(tmp_path_factory.mktemp("run"), "pursuit", robots=3) as started:
         yield started
 
 
-@pytest_asyncio.fixture(loop_scope="module")
+@pytest_asyncio.fixture(loop_scope="session")
 async def operator(browser: Browser, run: PagedRun) -> AsyncIterator[Visit]:
     """The page of somebody who may steer, with every robot in it."""
     async with visit(browser, run.url) as opened:

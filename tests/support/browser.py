@@ -217,7 +217,6 @@ async def paged_run(folder: Path, scenario: str, *arguments: str, robots: int) -
         arguments: more of `muro run`.
         robots: how many.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     command = ["-m", "muro_zenoh", "run", scenario, "--headless", "--web", f"127.0.0.1:{free_port()}"]
     command += ["--robots", str(robots), "--duration", "3600", *arguments]
     with contextlib.chdir(folder):
@@ -225,11 +224,16 @@ async def paged_run(folder: Path, scenario: str, *arguments: str, robots: int) -
     with process:
         operator = process.line("page: ", 30.0).removeprefix("page: ").strip()
         viewer = process.line("      to look", 5.0).rpartition(" ")[2].strip()
-        (settings,) = folder.glob("runs/*/scenario.json")
-        connect = tuple(json.loads(settings.read_text())["bus"]["connect"])
+        connect = _endpoints(folder)
         names = tuple(f"r{number + 1}" for number in range(robots))
         async with open_bus(BusSettings(connect=connect), Role.OPERATOR) as bus:
             run = PagedRun(process, names, operator, viewer, bus)
             await run.time_until(lambda: all(run._truth.get(name) for name in names), 10.0, "truth of every robot")
             await run.time_until(run.serves, 10.0, "the page is served")
             yield run
+
+
+def _endpoints(folder: Path) -> tuple[str, ...]:
+    """Where the processes of a run connect to."""
+    (settings,) = folder.glob("runs/*/scenario.json")
+    return tuple(json.loads(settings.read_text())["bus"]["connect"])

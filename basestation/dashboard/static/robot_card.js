@@ -141,14 +141,15 @@ export class RobotCard {
       this.update();
       this.arena.redraw();
     };
+    const driven = this.driving.name === name;
     this.card.replaceChildren(
       element("div", { className: "bar" }, element("h2", {}, name), close),
-      this.#facts(),
+      ...(driven ? [this.#hand()] : []),
       this.#buttons(robot),
+      this.#facts(),
     );
-    if (!this.fleet.maySteer) return;
-    this.card.append(this.#goalForm());
-    if (this.driving.name === name) this.card.append(this.#hand());
+    if (this.fleet.maySteer && !driven) this.card.append(this.#goalForm());
+    this.card.scrollIntoView({ block: "nearest" });
   }
 
   #facts() {
