@@ -12,6 +12,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from basestation.dashboard.access import Right
 from basestation.dashboard.frames import Frames
+from basestation.dashboard.requests import BadMessage
 
 MOST_BYTES: Final = 16_384
 """Size of a message that is taken [bytes]."""
@@ -31,10 +32,6 @@ _SEND_TIMEOUT: Final = 15.0
 
 TOO_MANY, TOO_LARGE, NOT_ADMITTED, GOING = 4008, 4009, 4401, 1012
 """Codes with which a connection is closed."""
-
-
-class BadMessage(Exception):  # noqa: N818 - what a client sent, not an error of ours
-    """What a client sent is no order; the text says why."""
 
 
 class Taker(Protocol):

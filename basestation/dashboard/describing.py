@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Final, Literal, get_args, get_origin
 
 import numpy as np
@@ -15,7 +15,8 @@ from muro_zenoh import __version__
 from muro_zenoh.behaviours import table
 from muro_zenoh.config import Scenario
 from muro_zenoh.config.cameras import camera_model
-from muro_zenoh.config.faults import KINDS
+from muro_zenoh.config.fault_rows import targets
+from muro_zenoh.config.faults import KINDS, RUN_KINDS, CameraDropoutFault, Fault, LinkFault, Place, RobotFault
 from muro_zenoh.config.schema import REQUIRED, Field, fields_of
 from muro_zenoh.quantities import Quantity, quantity_of
 
@@ -62,28 +63,32 @@ def describe(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def describe_faults(scenario: Scenario, kinds: tuple[str, ...]) -> dict[str, Any]:
-    """The faults that a page may let happen.
+def describe_faults(scenario: Scenario) -> dict[str, Any]:
+    """The faults that an operator may let happen in a run.
 
     Args:
         scenario: the settings.
-        kinds: the kinds of faults that can be ordered.
 
     Returns:
         By kind: what it is, what it can befall, and its numbers.
     """
-    from muro_zenoh.config.fault_rows import targets
+    return {kind: _fault(KINDS[kind], scenario) for kind in RUN_KINDS}
 
-    robots, cameras = scenario.robots, tuple(scenario.camera)
+
+def _fault(kind: type[Fault], scenario: Scenario) -> dict[str, Any]:
+    if issubclass(kind, CameraDropoutFault):
+        places: Collection[Place] = (Place.CAMERAS, Place.CAMERA)
+    elif issubclass(kind, RobotFault):
+        places = kind.places
+    elif issubclass(kind, LinkFault):
+        places = (Place.AGENT,)
+    else:  # the others that it can befall are no processes of a run
+        places = (Place.AGENT, Place.BASESTATION, Place.ROUTER)
+    numbers = {key: value for key, value in describe_section(kind).items() if key not in _FAULT_FIELDS}
     return {
-        kind: {
-            "doc": (inspect.getdoc(KINDS[kind]) or "").partition("\n\n")[0].replace("\n", " "),
-            "targets": list(targets(KINDS[kind].places, robots, cameras)),
-            "parameters": {
-                key: value for key, value in describe_section(KINDS[kind]).items() if key not in _FAULT_FIELDS
-            },
-        }
-        for kind in kinds
+        "doc": (inspect.getdoc(kind) or "").partition("\n\n")[0].replace("\n", " "),
+        "targets": list(targets(places, scenario.robots, tuple(scenario.camera))),
+        "parameters": numbers,
     }
 
 

@@ -5,21 +5,32 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Mapping
-from typing import Annotated, Any, Final
-
-import msgspec
-from msgspec import Meta
+from typing import Any, Final
 
 from basestation.dashboard.access import Right
-from basestation.dashboard.client import BadMessage, Client
+from basestation.dashboard.client import Client
 from basestation.dashboard.hands import Hands
+from basestation.dashboard.requests import (
+    Answered,
+    BehaviourOrder,
+    BreakOrder,
+    CircleOrder,
+    ClearOrder,
+    DriveOrder,
+    GoalOrder,
+    Order,
+    PictureOrder,
+    ResumeOrder,
+    StopOrder,
+    read_order,
+)
 from basestation.dashboard.watching import FleetWatch
 from muro_zenoh import channels
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import MuroError, NoReply
-from muro_zenoh.messages import Clear, Goal, Name, Reply, SetBehaviour, SetCircle, Value
+from muro_zenoh.messages import Break, Clear, Goal, Reply, SetBehaviour, SetCircle
 from muro_zenoh.orders.behaviour import set_behaviour
 from muro_zenoh.orders.goal import send_goal
 from muro_zenoh.orders.receipt import StopStatus
@@ -32,86 +43,8 @@ log = logging.getLogger(__name__)
 _MOST_AT_ONCE: Final = 8
 """Orders of one client that are under way; a stop does not count."""
 
-Names = Annotated[tuple[Name, ...], Meta(max_length=1000)]
-
-
-class Order(msgspec.Struct, tag_field="order", forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What every order has.
-
-    Attributes:
-        id: comes back in the reply.
-    """
-
-    id: Annotated[int, Meta(ge=0, le=2**53)]
-
-    @property
-    def word(self) -> str:
-        """Which order it is."""
-        return str(self.__struct_config__.tag)
-
-
-class StopOrder(Order, frozen=True, kw_only=True, tag="stop"):
-    """Stop ``names``; none for all robots."""
-
-    names: Names = ()
-
-
-class ResumeOrder(Order, frozen=True, kw_only=True, tag="resume"):
-    """Lift the stop of ``names``; none for all robots."""
-
-    names: Names = ()
-
-
-class GoalOrder(Order, frozen=True, kw_only=True, tag="goal"):
-    """Send the robot ``name`` to ``x``, ``y`` [m, world] with the heading ``theta`` [rad], nil for any."""
-
-    name: Name
-    x: float
-    y: float
-    theta: float | None = None
-
-
-class BehaviourOrder(Order, frozen=True, kw_only=True, tag="behaviour"):
-    """Change the behaviour of ``names``; none for all robots."""
-
-    behaviour: Annotated[str, Meta(max_length=128)]
-    parameters: dict[str, Value] = msgspec.field(default_factory=dict)
-    names: Names = ()
-
-
-class CircleOrder(Order, frozen=True, kw_only=True, tag="circle"):
-    """Change the circle; what is nil stays."""
-
-    x: float | None = None
-    y: float | None = None
-    radius: float | None = None
-    clockwise: bool | None = None
-
-
-class ClearOrder(Order, frozen=True, kw_only=True, tag="clear"):
-    """Forget where the robot ``name`` was last seen."""
-
-    name: Name
-
-
-class DriveOrder(Order, frozen=True, kw_only=True, tag="drive"):
-    """Drive the robot ``name`` by hand: ``v`` [m/s], ``omega`` [rad/s]."""
-
-    name: Name
-    v: float
-    omega: float
-
-
-class PictureOrder(Order, frozen=True, kw_only=True, tag="picture"):
-    """Send the pictures of ``camera``, or no longer."""
-
-    camera: Name
-    on: bool
-
-
-AnyOrder = StopOrder | ResumeOrder | GoalOrder | BehaviourOrder | CircleOrder | ClearOrder | DriveOrder | PictureOrder
-
-_decode = msgspec.msgpack.Decoder(AnyOrder).decode
+_BREAK_TIMEOUT: Final = 8.0
+"""A process whose link is to be broken may have to start anew first [s]."""
 
 _BY_HAND: Final = frozenset(name for name in table.names() if Need.HAND in table.built_in(name).needs)
 """The behaviours that are driven by hand."""
@@ -142,6 +75,7 @@ class Desk:
             BehaviourOrder: self._behaviour,
             CircleOrder: self._circle,
             ClearOrder: self._clear,
+            BreakOrder: self._break,
         }
 
     def take(self, client: Client, data: bytes) -> None:
@@ -154,10 +88,7 @@ class Desk:
         Raises:
             BadMessage: it is none.
         """
-        try:
-            order = _decode(data)
-        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-            raise BadMessage(f"not an order: {error}") from None
+        order = read_order(data)
         if client.right is not Right.STEER and order.word not in _FREE:
             self._answer(client, order, outcome="refused", reason="only an operator may: open the operator's link")
         elif isinstance(order, StopOrder):
@@ -208,7 +139,7 @@ class Desk:
 
     # ---- orders that are answered
 
-    def _begin(self, client: Client, order: Order) -> None:
+    def _begin(self, client: Client, order: Answered) -> None:
         running = self._running.setdefault(client.number, set())
         if len(running) >= _MOST_AT_ONCE:
             self._answer(client, order, outcome="refused", reason=f"{len(running)} orders are still under way")
@@ -265,6 +196,12 @@ class Desk:
 
     async def _clear(self, order: ClearOrder) -> dict[str, Any]:
         return _of_reply(await self._bus.ask(channels.CLEAR, Clear(name=order.name)))
+
+    async def _break(self, order: BreakOrder) -> dict[str, Any]:
+        if not self._watch.simulated:
+            raise ValueError("only a fleet that `muro run` simulates can be broken")
+        fault = Break(fault=order.kind, target=order.target, duration=order.duration, numbers=order.numbers)
+        return _of_reply(await self._bus.ask(channels.BREAK, fault, timeout=_BREAK_TIMEOUT))
 
     # ---- what is not answered
 

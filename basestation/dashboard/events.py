@@ -27,6 +27,7 @@ class Events:
         self._alive: set[tuple[str, str]] | None = None
         self._stop: tuple[bool, tuple[str, ...]] | None = None
         self._leases: tuple[str, ...] | None = None
+        self._faults: tuple[str, ...] = ()
 
     def add(self, t: float, process: str, text: str) -> None:
         """Add an event.
@@ -81,6 +82,21 @@ class Events:
             return
         whom = "every robot" if order.all else " ".join(order.names)
         self.add(t, "basestation", f"stop: {whom}" if whom else "no robot is stopped any longer")
+
+    def faults(self, t: float, lasting: tuple[str, ...]) -> None:
+        """Note what is broken.
+
+        Args:
+            t: the time [s].
+            lasting: the faults that last, in words.
+        """
+        before, self._faults = self._faults, lasting
+        for text in lasting:
+            if text not in before:
+                self.add(t, "muro", f"fault: {text}")
+        for text in before:
+            if text not in lasting:
+                self.add(t, "muro", f"fault over: {text}")
 
     def leases(self, t: float, leases: Collection[Lease]) -> None:
         """Note who holds robots.

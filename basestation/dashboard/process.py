@@ -9,7 +9,7 @@ import socket
 from typing import Final
 
 from basestation.dashboard.access import Access, Address, Tokens
-from basestation.dashboard.describing import describe, tag_height
+from basestation.dashboard.describing import describe, describe_faults, tag_height
 from basestation.dashboard.desk import Desk
 from basestation.dashboard.offer import listen
 from basestation.dashboard.pictures import Pictures
@@ -52,6 +52,7 @@ class Dashboard:
         hello = {**describe(scenario), "simulated": False, "faults": {}}
         self.clients = Clients(access, self._watch.frames, hello, self._desk)
         self.app = make_app(self.clients, access)
+        self._faults = describe_faults(scenario)
         self._bus = bus
         self._scenario = scenario
 
@@ -83,6 +84,8 @@ class Dashboard:
         while True:
             self._watch.frames.set_part("page", {"clients": len(self.clients)})
             self._watch.tick()
+            simulated = self._watch.simulated
+            self.clients.change_hello(simulated=simulated, faults=self._faults if simulated else {})
             self.clients.tick()
             due = max(due + (PERIOD if len(self.clients) else _IDLE_PERIOD), loop.time())
             await asyncio.sleep(due - loop.time())

@@ -58,6 +58,7 @@ class FleetWatch:
         self._cells = bus.latest(channels.CELL, "*")
         self._cal_v = bus.latest(channels.CAL_V, "*")
         self._cal_omega = bus.latest(channels.CAL_OMEGA, "*")
+        self._faults = bus.latest(channels.FAULTS)
         self._roster = bus.roster()
         self._events = Events(self.frames)
         self._ring = RingOf(scenario)
@@ -69,6 +70,11 @@ class FleetWatch:
     def behaviours(self) -> Mapping[str, Behaviour]:
         """The behaviour of each robot, as far as it is known."""
         return _messages(self._behaviours)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether this fleet is simulated, and a run is there that breaks it on an operator's order."""
+        return bool(self._roster.of(Role.SUPERVISOR)) and bool(self._roster.of(Role.SIMULATOR))
 
     def tick(self) -> None:
         """Make the state of now."""
@@ -180,6 +186,10 @@ class FleetWatch:
             order = stop.message
             frames.set_part("stop", {"all": order.all, "names": list(order.names), "revision": order.revision})
             self._events.stop(now, order)
+        faults = self._faults.get()
+        if faults is not None:
+            frames.set_part("faults", {"rows": faults.message.rows, "lasting": list(faults.message.lasting)})
+            self._events.faults(now, faults.message.lasting)
         lease = self._lease.get()
         leases = lease.message.leases if lease is not None else ()
         held = [

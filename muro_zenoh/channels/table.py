@@ -231,6 +231,16 @@ TRUTH = Channel(
     note="for score sheets, and for simulated cameras in processes of their own; no other task may read it",
 )
 
+FAULTS = Channel(
+    word="faults",
+    kind=m.FaultList,
+    writers=(Party(Role.SUPERVISOR),),
+    readers=(OPERATOR,),
+    delivery="kept",
+    named="",
+    note="what a run breaks, as rows of its scenario",
+)
+
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop, at_any_age=True)
@@ -240,6 +250,8 @@ TAKE_LEASE = Verb("lease", m.TakeLease, at_any_age=True)  # it moves no robot, a
 TIME = Verb(
     "time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR), at_any_age=True
 )
+BREAK = Verb("break", m.Break, answered_by=Role.SUPERVISOR)
+BEFALL = Verb("befall", m.Break, answered_by=Role.SIMULATOR, asked_by=(Role.SUPERVISOR,))
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))

@@ -9,7 +9,9 @@ from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.faults import KINDS, Fault, Place
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.reading import check_choice, read_section, read_table
+from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.messages import Break
 
 
 def read_faults(rows: object, origin: Origin, robots: Collection[str], cameras: Collection[str]) -> tuple[Fault, ...]:
@@ -52,3 +54,21 @@ def targets(places: Collection[Place], robots: Collection[str], cameras: Collect
         Place.CAMERA: tuple(f"camera/{name}" for name in cameras),
     }
     return tuple(target for place in places for target in names.get(place, (str(place),)))
+
+
+def fault_of(order: Break, scenario: Scenario, at: float = 0.0) -> Fault:
+    """The fault that is ordered.
+
+    Args:
+        order: the order.
+        scenario: its robots and cameras.
+        at: when it begins, from the start of the run [s].
+
+    Raises:
+        ConfigError: an unknown kind, a wrong number, or a target that there is not.
+    """
+    row = {**order.numbers, "kind": order.fault, "target": order.target, "at": at}
+    if order.duration is not None:
+        row["duration"] = order.duration
+    (fault,) = read_faults([row], Origin(""), scenario.robots, tuple(scenario.camera))
+    return fault

@@ -22,6 +22,7 @@ from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
 from muro_zenoh.supervision import joining, launch
+from muro_zenoh.supervision.breaking import Breaking
 from muro_zenoh.supervision.child import Child
 from muro_zenoh.supervision.faults import Faults, Links
 from muro_zenoh.supervision.folder import REPORT, write_event, write_report, write_scenario
@@ -167,7 +168,7 @@ async def _run(settings: RunSettings, supervisor: Supervisor, links: Links, scre
             f"connect to it with --connect {endpoint}"
         )
     try:
-        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
+        async with open_bus(scenario.bus, Role.OPERATOR, Role.SUPERVISOR) as bus:
             return await _observe(settings, scenario, supervisor, links, screen, bus, starting, joining.NOBODY)
     finally:
         await _ended(starting)
@@ -178,14 +179,14 @@ async def _run_on(
 ) -> Observed:
     """A run on a router that is there, with the processes of its fleet that are there."""
     scenario, folder = launch.connected_to(settings.scenario, endpoint), settings.folder
-    async with open_bus(scenario.bus, Role.OPERATOR) as bus, AsyncExitStack() as stack:
+    async with open_bus(scenario.bus, Role.OPERATOR, Role.SUPERVISOR) as bus, AsyncExitStack() as stack:
         there = await joining.look(bus, scenario.robots)
         if there.basestation:  # before anything is started or ordered
             await stack.enter_async_context(_holding(bus, scenario, screen, patience=_PATIENCE))
             stack.push_async_callback(joining.leave, bus, there.robots)
         if there.processes:
             screen.notify(f"running already: {' '.join(sorted(there.processes))}")
-        if links.endpoints:
+        if re.fullmatch(r"tcp/[^/?#]+:\d+", endpoint) is not None:
             links.lead_to(endpoint)
         file = write_scenario(scenario, folder)
         specs = launch.fleet_specs(scenario, file, settings.seed, folder, links.endpoints, settings.page)
@@ -234,7 +235,11 @@ async def _observe(
             def children() -> dict[str, Child]:
                 return {child.spec.name: child for child in supervisor.children}
 
-            faults = Faults(scenario, links, children, bus.clock, screen.notify)
+            breaking = Breaking(bus, scenario, settings.folder)
+            faults = Faults(
+                scenario, links, children, bus.clock, screen.notify, breaking.in_room, lambda: breaking.publish(faults)
+            )
+            stack.enter_context(breaking.on_order(faults))
             return await _watch(settings, supervisor, screen, collector, collecting, faults)
     finally:
         await _ended(collecting)
@@ -293,6 +298,7 @@ async def _watch(
         failing.cancel()
         befalling.cancel()
         await asyncio.wait({befalling})
+        await faults.close()
     elapsed = min(loop.time() - begin, scenario.duration)
     usage.note(processes())
     return collector.observed(
