@@ -107,7 +107,7 @@ async def test_a_receipt_names_who_does_not_answer(operator: Visit, run: PagedRu
     agent.send_signal(signal.SIGSTOP)
     try:
         await operator.page.keyboard.press("Escape")
-        missing = operator.page.locator("#receipt.bad li", has_text="r2")
+        missing = operator.page.locator("#receipt.bad .missing li", has_text="r2")
         await missing.wait_for(timeout=1000 * seconds(8))
         assert "2 of 3 robots confirmed" in await operator.page.locator("#receipt").inner_text()
     finally:

@@ -47,7 +47,7 @@ export class Connection {
   /**
    * @param {string} address  where to connect to.
    * @param {string} token  that says who may do what; empty for none.
-   * @param {(message: Message) => void} received  called with every message but the replies.
+   * @param {(message: Message) => void} received  called with every message but the replies that somebody waits for.
    * @param {(open: boolean) => void} changed  called when the connection opens or closes.
    */
   constructor(address, token, received, changed) {
@@ -111,7 +111,8 @@ export class Connection {
       this.heard = performance.now();
       if (messagePack === null) return;
       const message = /** @type {Message} */ (messagePack.decode(new Uint8Array(data)));
-      if (message.kind === "reply") this.#waiting.get(message.id)?.(message);
+      const waiting = message.kind === "reply" ? this.#waiting.get(message.id) : undefined;
+      if (message.kind === "reply" && waiting !== undefined) waiting(message);
       else this.#received(message);
     };
     socket.onclose = ({ code, reason }) => {

@@ -1,8 +1,7 @@
-/** Breaking things, in a simulated fleet: what, where, for how long; and what was broken, as a scenario's tables. */
+/** Breaking things, in a simulated fleet: what, where, for how long; and what was broken, as rows of a scenario. */
 
 import { element, say } from "./dom.js";
 import { ParameterForm } from "./parameter_form.js";
-import { figure } from "./words.js";
 
 export class FaultsPanel {
   #made = "";
@@ -10,7 +9,9 @@ export class FaultsPanel {
   #where = element("select", { name: "target" });
   #duration = element("input", { type: "number", min: "0.1", step: "any", value: "5", name: "duration", inputMode: "decimal" });
   #doc = element("p", { className: "hint" });
-  #done = element("pre", { tabIndex: 0 });
+  #lasting = element("ul", { className: "lasting", ariaLabel: "Broken now" });
+  #rows = element("pre", { tabIndex: 0 });
+  #save = element("button", { type: "button", className: "quiet", textContent: "Save" });
   #numbers;
 
   /**
@@ -19,7 +20,6 @@ export class FaultsPanel {
    * @param {import("./orders.js").Orders} orders
    */
   constructor(panel, fleet, orders) {
-    this.panel = panel;
     this.fleet = fleet;
     this.orders = orders;
     const fields = element("div", { className: "fields" });
@@ -29,32 +29,43 @@ export class FaultsPanel {
       "form",
       {},
       element("h2", {}, "Break it"),
-      element("p", { className: "hint" }, "Only because this fleet is simulated."),
       element("div", { className: "pair" }, element("label", {}, "What", this.#what), element("label", {}, "Where", this.#where)),
       this.#doc,
       fields,
-      element("div", { className: "bar" }, element("label", { className: "inline" }, "for [s]", this.#duration), element("button", { type: "submit", className: "main", textContent: "Break" })),
+      element(
+        "div",
+        { className: "bar" },
+        element("label", { className: "inline" }, "for [s]", this.#duration),
+        element("button", { type: "submit", className: "main", textContent: "Break it" }),
+      ),
+      this.#lasting,
     );
     this.form.onsubmit = (event) => {
       event.preventDefault();
       this.#break();
     };
-    const save = element("button", { type: "button", className: "quiet", textContent: "Save" });
-    save.onclick = () => this.#save();
-    panel.append(this.form, element("div", { className: "bar" }, element("h2", {}, "Done so far"), save), this.#done);
+    this.#save.onclick = () => this.#download();
+    panel.append(this.form, element("div", { className: "bar" }, element("h2", {}, "For a scenario"), this.#save), this.#rows);
   }
 
   /** Show what is new. */
   update() {
-    const faults = this.fleet.hello?.faults ?? {};
-    const made = JSON.stringify([Object.entries(faults).map(([kind, { targets }]) => [kind, targets]), this.fleet.maySteer]);
+    const { hello, maySteer, faults } = this.fleet;
+    const kinds = hello?.faults ?? {};
+    const made = JSON.stringify([Object.entries(kinds).map(([kind, { targets }]) => [kind, targets]), maySteer]);
     if (made !== this.#made) {
       this.#made = made;
-      this.#what.replaceChildren(...Object.keys(faults).map((kind) => element("option", { value: kind }, kind.replaceAll("_", " "))));
+      const choices = Object.keys(kinds).map((kind) => element("option", { value: kind }, kind.replaceAll("_", " ")));
+      this.#what.replaceChildren(...choices);
       this.#show();
-      for (const field of this.form.elements) Reflect.set(field, "disabled", !this.fleet.maySteer);
+      for (const field of this.form.elements) Reflect.set(field, "disabled", !maySteer);
     }
-    say(this.#done, this.#asTables() || "Nothing yet.");
+    say(this.#rows, faults.rows || "Nothing was broken in this run.");
+    this.#save.disabled = !faults.rows;
+    const lasting = faults.lasting.join();
+    if (this.#lasting.dataset.of === lasting) return;
+    this.#lasting.dataset.of = lasting;
+    this.#lasting.replaceChildren(...faults.lasting.map((words) => element("li", {}, words)));
   }
 
   #show() {
@@ -76,21 +87,9 @@ export class FaultsPanel {
     void this.orders.give(words, { order: "break", kind, target, duration, numbers });
   }
 
-  /** What was done, as a scenario file has it. */
-  #asTables() {
-    return this.fleet.faults
-      .map((row) => ["[[fault]]", ...Object.entries(row).map(([key, value]) => `${key} = ${toml(value)}`)].join("\n"))
-      .join("\n\n");
-  }
-
-  #save() {
-    const address = URL.createObjectURL(new Blob([`${this.#asTables()}\n`], { type: "application/toml" }));
+  #download() {
+    const address = URL.createObjectURL(new Blob([this.fleet.faults.rows], { type: "application/toml" }));
     element("a", { href: address, download: "faults.toml" }).click();
     setTimeout(() => URL.revokeObjectURL(address), 1000);
   }
-}
-
-/** @param {unknown} value */
-function toml(value) {
-  return typeof value === "number" && !Number.isInteger(value) ? figure(value, 2).replace("−", "-") : JSON.stringify(value);
 }

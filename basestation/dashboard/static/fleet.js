@@ -89,8 +89,8 @@ export class Fleet {
   processes = {};
   /** @type {import("./protocol.js").Event[]} the newest first. */
   events = [];
-  /** @type {Record<string, any>[]} what was broken from pages. */
-  faults = [];
+  /** What was broken in this run, as rows of a scenario, and what still is. @type {NonNullable<State["faults"]>} */
+  faults = { rows: "", lasting: [] };
 
   /** @param {Hello} hello */
   greet(hello) {

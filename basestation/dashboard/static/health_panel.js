@@ -1,7 +1,7 @@
 /** Every process: whether it lives, how old its report is, what it uses, what it dropped; and the last events. */
 
-import { element } from "./dom.js";
-import { clock, figure } from "./words.js";
+import { element, say } from "./dom.js";
+import { amount, clock, figure } from "./words.js";
 
 /** @typedef {import("./protocol.js").ProcessReport} ProcessReport */
 
@@ -11,6 +11,8 @@ export class HealthPanel {
   #table = element("tbody", {});
   #events = element("ol", { className: "events" });
   #shownEvents = "";
+  /** @type {Map<string, ProcessRows>} */
+  #rows = new Map();
 
   /**
    * @param {HTMLElement} panel
@@ -38,41 +40,67 @@ export class HealthPanel {
   /** Show what is new; nothing while nobody can see it. */
   update() {
     if (this.panel.hidden) return;
-    const rows = Object.entries(this.fleet.processes).flatMap(([name, report]) => rowsOf(name, report));
-    this.#table.replaceChildren(...rows);
-    const newest = `${this.fleet.events[0]} ${this.fleet.events.length}`;
+    const { processes, events } = this.fleet;
+    if (Object.keys(processes).join() !== [...this.#rows.keys()].join()) {
+      this.#rows = new Map(Object.keys(processes).map((name) => [name, new ProcessRows(name)]));
+      this.#table.replaceChildren(...[...this.#rows.values()].flatMap(({ row, more }) => [row, more]));
+    }
+    for (const [name, rows] of this.#rows) rows.show(/** @type {ProcessReport} */ (processes[name]));
+    const newest = `${events[0]} ${events.length}`;
     if (newest === this.#shownEvents) return;
     this.#shownEvents = newest;
     this.#events.replaceChildren(
-      ...this.fleet.events.map(([, t, process, text]) =>
+      ...events.map(([, t, process, text]) =>
         element("li", {}, element("time", {}, clock(t)), element("strong", {}, process), element("span", {}, text)),
       ),
     );
-    if (this.fleet.events.length === 0) this.#events.append(element("li", { className: "none" }, "Nothing has happened yet."));
+    if (events.length === 0) this.#events.append(element("li", { className: "none" }, "Nothing has happened yet."));
   }
 }
 
-/**
- * A row, and one more for what is wrong.
- *
- * @param {string} name
- * @param {ProcessReport} report
- */
-function rowsOf(name, report) {
-  const { alive, age, cpu, memory, rates, drops, rejects, reasons = [], complaints = [] } = report;
-  const state = element("span", { className: alive ? "alive" : "dead" }, alive ? "" : "gone");
-  const fastest = Math.max(...Object.values(rates ?? {}), -Infinity);
-  const cells = [
-    element("th", { scope: "row" }, state, name),
-    element("td", {}, age === null || age === undefined ? "–" : `${figure(age, 1)} s`),
-    element("td", {}, cpu === null || cpu === undefined ? "–" : `${figure(cpu, 0)} %`),
-    element("td", {}, memory === null || memory === undefined ? "–" : `${figure(memory, 0)} MB`),
-    element("td", {}, Number.isFinite(fastest) ? `${figure(fastest, 0)} Hz` : "–"),
-    element("td", {}, figure(drops, 0)),
-    element("td", {}, figure(rejects, 0)),
-  ];
-  const wrong = [...complaints, ...reasons].join("; ");
-  const rows = [element("tr", {}, ...cells)];
-  if (wrong) rows.push(element("tr", { className: "wrong" }, element("td", { colSpan: COLUMNS.length }, wrong)));
-  return rows;
+/** The row of one process, and one below it: what is wrong, and what it receives when that is asked for. */
+class ProcessRows {
+  #open = false;
+  #cells = COLUMNS.slice(1).map(() => element("td", {}));
+  #sign = element("span", { className: "alive" });
+  #wrong = element("p", { className: "wrong" });
+  #inputs = element("p", { className: "hint" });
+  #name;
+
+  /** @param {string} name */
+  constructor(name) {
+    this.#name = element("button", { type: "button", className: "process", ariaExpanded: "false" }, this.#sign, name);
+    this.#name.onclick = () => {
+      this.#open = !this.#open;
+      this.#name.ariaExpanded = String(this.#open);
+      this.#inputs.hidden = !this.#open;
+      this.more.hidden = !this.#open && !this.#wrong.textContent;
+    };
+    this.#inputs.hidden = true;
+    this.row = element("tr", {}, element("th", { scope: "row" }, this.#name), ...this.#cells);
+    this.more = element("tr", { className: "more" }, element("td", { colSpan: COLUMNS.length }, this.#wrong, this.#inputs));
+  }
+
+  /** @param {ProcessReport} report */
+  show({ alive, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }) {
+    this.#sign.className = alive ? "alive" : "dead";
+    say(this.#sign, alive ? "" : "gone");
+    const fastest = Math.max(...Object.values(rates), -Infinity);
+    const words = [
+      amount(age, 1, "s"),
+      amount(cpu, 0, "%"),
+      amount(memory, 0, "MB"),
+      Number.isFinite(fastest) ? `${figure(fastest, 0)} Hz` : "–",
+      figure(drops, 0),
+      figure(rejects, 0),
+    ];
+    words.forEach((text, index) => say(/** @type {Element} */ (this.#cells[index]), text));
+    say(this.#wrong, [...complaints, ...reasons].join("; "));
+    const inputs = Object.entries(rates).map(([word, rate]) => {
+      const old = ages[word];
+      return `${word.replaceAll("_", " ")} ${figure(rate, rate < 10 ? 1 : 0)} Hz${old === undefined ? "" : `, ${figure(old, 2)} s old`}`;
+    });
+    say(this.#inputs, inputs.length ? `receives ${inputs.join("; ")}` : "does not say what it receives");
+    this.more.hidden = !this.#open && !this.#wrong.textContent;
+  }
 }

@@ -81,6 +81,8 @@ function start() {
       arena.take(message.t);
     } else if (message.kind === "picture") {
       void pictures.take(message);
+    } else if (message.outcome === "refused") {
+      orders.notice(`Drive ${driving.name}`, message);
     }
   }
 

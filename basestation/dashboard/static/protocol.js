@@ -93,7 +93,8 @@
  * @property {string[]} [complaints]
  * @property {number | null} [cpu]  [% of a core].
  * @property {number | null} [memory]  [MB].
- * @property {Record<string, number>} [rates]  [Hz].
+ * @property {Record<string, number>} [rates]  of what it receives [Hz].
+ * @property {Record<string, number>} [ages]  of the newest of it [s].
  * @property {number | null} [drops]
  * @property {number | null} [rejects]
  *
@@ -111,7 +112,8 @@
  * @property {{program: string, operator: string, names: string[], since: number}[]} [lease]
  * @property {Record<string, ProcessReport>} [processes]
  * @property {Event[]} [events]  new ones.
- * @property {Record<string, any>[]} [faults]  what was broken from pages.
+ * @property {{rows: string, lasting: string[]}} [faults]  what was broken in this run, as rows of its scenario; what
+ *   still is, in words.
  *
  * @typedef {object} Receipt  What a stop came to.
  * @property {boolean} confirmed

@@ -1,7 +1,7 @@
 /** Stop all, and resume. The button, the space bar and Escape do the same, wherever one is on the page. */
 
 import { element, say } from "./dom.js";
-import { figure, listed } from "./words.js";
+import { amount, figure, listed } from "./words.js";
 
 /** @typedef {import("./protocol.js").Reply} Reply */
 /** @typedef {import("./protocol.js").Receipt} Receipt */
@@ -124,12 +124,13 @@ export class StopDesk {
     } else {
       this.#show("bad", `${resting.length} of ${count(rows.length)} confirmed. Missing:`);
     }
-    const list = element("ul", {});
-    for (const [name, row] of rows) {
-      if (receipt.confirmed || row.status === "stopped") continue;
-      list.append(element("li", {}, element("strong", {}, name), ` ${row.status}${row.silent_s === null ? "" : `, silent for ${figure(row.silent_s, 1)} s`}`));
-    }
-    if (list.childElementCount) this.#receipt.append(list);
+    const missing = rows.filter(([, { status }]) => status !== "stopped");
+    const lines = missing.map(([name, { status, silent_s }]) =>
+      element("li", {}, element("strong", {}, name), ` ${status}${silent_s === null ? "" : `, silent for ${figure(silent_s, 1)} s`}`),
+    );
+    this.#receipt.append(element("ul", { className: "missing" }, ...lines));
+    const stand = resting.map(([name, row]) => element("li", {}, element("strong", {}, name), ` ${amount(row.at_rest_after_s, 2, "s")}`));
+    this.#receipt.append(element("ul", { className: "resting", ariaLabel: "Standing still, and after which time" }, ...stand));
   }
 
   /**

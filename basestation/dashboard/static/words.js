@@ -24,6 +24,19 @@ export function figure(value, digits = 2) {
 }
 
 /**
+ * A number with its unit; a dash when there is none.
+ *
+ * @param {number | null | undefined} value
+ * @param {number} digits
+ * @param {string} unit
+ * @returns {string}
+ */
+export function amount(value, digits, unit) {
+  const words = figure(value, digits);
+  return words === "–" ? words : `${words} ${unit}`;
+}
+
+/**
  * A list as one says it: r1, r2 and r3.
  *
  * @param {string[]} names
