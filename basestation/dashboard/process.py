@@ -43,14 +43,15 @@ class Dashboard:
 
     Attributes:
         clients: the browsers that are connected.
+        desk: takes their orders.
         app: the web application.
     """
 
     def __init__(self, bus: Bus, scenario: Scenario, access: Access) -> None:
         self._watch = FleetWatch(bus, scenario)
-        self._desk = Desk(bus, scenario, self._watch)
+        self.desk = Desk(bus, scenario, self._watch)
         hello = {**describe(scenario), "simulated": False, "faults": {}}
-        self.clients = Clients(access, self._watch.frames, hello, self._desk)
+        self.clients = Clients(access, self._watch.frames, hello, self.desk)
         self.app = make_app(self.clients, access)
         self._faults = describe_faults(scenario)
         self._bus = bus
