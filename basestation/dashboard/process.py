@@ -66,10 +66,13 @@ class Dashboard:
         height = tag_height(self._scenario)
         with worker_threads(1, "picture") as threads:
             pictures = Pictures(self._bus, self._scenario, height, self._wanted, self._show, threads)
-            async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._tick(), name="tick")
-                tasks.create_task(pictures.run(), name="pictures")
-                tasks.create_task(serve(self.app, listening), name="web server")
+            try:
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self._tick(), name="tick")
+                    tasks.create_task(pictures.run(), name="pictures")
+                    tasks.create_task(serve(self.app, listening), name="web server")
+            finally:
+                await self.desk.close()
 
     def _wanted(self) -> set[str]:
         return {camera for client in self.clients for camera in client.cameras}

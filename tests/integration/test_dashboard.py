@@ -199,9 +199,7 @@ class TestOrders:
             reply = await client.order("break", kind="crash", target="r1/agent")
             assert (reply["outcome"], "muro run" in reply["reason"]) == ("refused", True)
 
-    async def test_without_a_base_station_orders_are_not_answered_and_a_stop_still_stops(
-        self, fleet: PageFleet
-    ) -> None:
+    async def test_without_a_base_station_no_order_is_answered_and_a_stop_stops(self, fleet: PageFleet) -> None:
         async with fleet.client() as client:
             await client.until(lambda: client.details("r1").get("state") == "driving", 15.0, "r1 drives")
             await fleet.end("basestation")

@@ -127,6 +127,7 @@ class PageClient:
         size: of all messages [bytes].
         replies: the replies by id.
         pictures: the pictures.
+        ids: the id of the newest order.
         closed: how the server closed the connection: code and reason.
     """
 
@@ -140,7 +141,7 @@ class PageClient:
         self.pictures: list[dict[str, Any]] = []
         self.closed: tuple[int, str] | None = None
         self._changed = asyncio.Event()
-        self._ids = 0
+        self.ids = 0
 
     async def read(self) -> None:
         """Take messages until the connection is closed."""
@@ -179,9 +180,9 @@ class PageClient:
 
     async def send(self, order: str, **values: Any) -> int:
         """Give an order; returns its id."""
-        self._ids += 1
-        await self.socket.send(msgpack.packb({"order": order, "id": self._ids, **values}))
-        return self._ids
+        self.ids += 1
+        await self.socket.send(msgpack.packb({"order": order, "id": self.ids, **values}))
+        return self.ids
 
     async def order(self, order: str, **values: Any) -> dict[str, Any]:
         """Give an order, and wait for the reply."""
