@@ -126,6 +126,11 @@ class Client:
         self._pictures[camera] = packed
         self._wake.set()
 
+    @property
+    def waiting(self) -> int:
+        """The size of what waits for it besides the states, of which none does [bytes]."""
+        return sum(map(len, self._replies)) + sum(map(len, self._pictures.values()))
+
     # ---- its two tasks
 
     async def serve(self, taker: Taker) -> None:

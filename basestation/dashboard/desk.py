@@ -108,6 +108,15 @@ class Desk:
         """
         self._hands.leave(client.number)
 
+    async def close(self) -> None:
+        """Drive nobody any more, and wait for no answer: what was ordered holds."""
+        self._hands.release(())
+        tasks = {task for task, _ in self._stops.values()}.union(*self._running.values())
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks)
+
     # ---- stop: always, at once, and as often as it is pressed
 
     def _stop(self, client: Client, order: StopOrder) -> None:

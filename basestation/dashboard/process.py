@@ -43,14 +43,15 @@ class Dashboard:
 
     Attributes:
         clients: the browsers that are connected.
+        desk: takes their orders.
         app: the web application.
     """
 
     def __init__(self, bus: Bus, scenario: Scenario, access: Access) -> None:
         self._watch = FleetWatch(bus, scenario)
-        self._desk = Desk(bus, scenario, self._watch)
+        self.desk = Desk(bus, scenario, self._watch)
         hello = {**describe(scenario), "simulated": False, "faults": {}}
-        self.clients = Clients(access, self._watch.frames, hello, self._desk)
+        self.clients = Clients(access, self._watch.frames, hello, self.desk)
         self.app = make_app(self.clients, access)
         self._faults = describe_faults(scenario)
         self._bus = bus
@@ -65,10 +66,13 @@ class Dashboard:
         height = tag_height(self._scenario)
         with worker_threads(1, "picture") as threads:
             pictures = Pictures(self._bus, self._scenario, height, self._wanted, self._show, threads)
-            async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._tick(), name="tick")
-                tasks.create_task(pictures.run(), name="pictures")
-                tasks.create_task(serve(self.app, listening), name="web server")
+            try:
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self._tick(), name="tick")
+                    tasks.create_task(pictures.run(), name="pictures")
+                    tasks.create_task(serve(self.app, listening), name="web server")
+            finally:
+                await self.desk.close()
 
     def _wanted(self) -> set[str]:
         return {camera for client in self.clients for camera in client.cameras}

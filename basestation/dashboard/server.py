@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import socket
 from collections.abc import Iterator
@@ -187,4 +188,18 @@ async def serve(app: ASGIApp, listening: socket.socket) -> None:
     try:
         await server.serve(sockets=[listening])
     finally:
-        server.should_exit = True
+        await _leave(server)
+        listening.close()
+
+
+async def _leave(server: uvicorn.Server) -> None:
+    """Close what a server that was cancelled has open: uvicorn itself would wait for its clients."""
+    for one in getattr(server, "servers", ()):
+        one.close()
+    for connection in list(server.server_state.connections):
+        connection.shutdown()
+    tasks = set(server.server_state.tasks)
+    for task in tasks:
+        task.cancel()
+    if tasks:
+        await asyncio.wait(tasks)
