@@ -3,6 +3,7 @@
 # make test          the whole suite;  make test-fast leaves out what takes long
 # make check         lint, format, types of Python and JavaScript, layers
 # make mutants       break what keeps robots from driving, and see the tests fail;  MODULE=safety  a part of it
+# make screenshots   docs/images/page*.png, from real runs
 # make clean         remove .venv and what tools left behind
 # make PYTHON=python3.12 ...   with another Python, 3.11 or newer
 
@@ -14,7 +15,7 @@ NPM := PATH="$(PATH):$(CURDIR)/$(BIN)" npm
 VENDOR := basestation/dashboard/static/vendor
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-fast check mutants clean
+.PHONY: help setup demo test test-fast check mutants screenshots clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -27,7 +28,7 @@ demo: $(VENV)/.for-runs
 # Tests that compute run side by side; those with processes of their own, whose ages are real, one after the other.
 test: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop
-	$(BIN)/python -m pytest tests/contract tests/integration
+	$(BIN)/python -m pytest tests/contract tests/integration tests/browser
 
 test-fast: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -m "not slow"
@@ -41,6 +42,9 @@ check: $(VENV)/.for-tests
 
 mutants: $(VENV)/.for-mutants
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tests.mutants $(MODULE)
+
+screenshots: $(VENV)/.for-tests
+	$(BIN)/python -m tests.screenshots
 
 clean:
 	rm -rf $(VENV) node_modules $(VENDOR) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants

@@ -8,6 +8,9 @@ import { outlinePath } from "./floor_layer.js";
 /** @typedef {import("./fleet.js").Robot} Robot */
 /** @typedef {import("./protocol.js").PlannedPath} PlannedPath */
 
+/** The points of paths that were drawn before. @type {WeakMap<PlannedPath, [number, number][]>} */
+const known = new WeakMap();
+
 /** Arcs are drawn in steps of so many radians. */
 const ARC_STEP = 0.1;
 
@@ -65,7 +68,9 @@ function drawCell(context, view, palette, cell, selected) {
  */
 function drawPath(context, view, palette, path, selected) {
   context.beginPath();
-  for (const [x, y] of pointsOf(path)) context.lineTo(view.px(x), view.py(y));
+  let points = known.get(path);
+  if (points === undefined) known.set(path, (points = [...pointsOf(path)]));
+  for (const [x, y] of points) context.lineTo(view.px(x), view.py(y));
   context.strokeStyle = palette.accent;
   context.globalAlpha = selected ? 0.95 : 0.55;
   context.lineWidth = selected ? 2 : 1.5;
