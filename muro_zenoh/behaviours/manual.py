@@ -50,12 +50,12 @@ class Manual(Behaviour):
         if seen.wish is None:
             silent = f"for {seen.wish_age:.1f} s" if seen.wish_age < math.inf else "yet"
             return hold(f"nobody has driven it {silent}")
-        v = max(-self._speed, min(self._speed, seen.wish.v))
-        omega = max(-self._turning, min(self._turning, seen.wish.omega))
-        # Written so that a NaN is no wish to drive.
-        if not (abs(v) > 0.0 or abs(omega) > 0.0):
+        v, omega = seen.wish
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            return hold("the stick says no number")
+        if v == 0.0 and omega == 0.0:
             return hold("the stick is let go")
-        return Intent(Twist2(v, omega))
+        return Intent(Twist2(max(-self._speed, min(self._speed, v)), max(-self._turning, min(self._turning, omega))))
 
 
 def make(parameters: Parameters, vehicle: Vehicle) -> Manual:
