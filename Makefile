@@ -39,6 +39,7 @@ check: $(VENV)/.for-tests
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(NPM) exec tsc
+	$(NPM) exec prettier -- --check "basestation/dashboard/static/*.{js,css,html}"
 
 mutants: $(VENV)/.for-mutants
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tests.mutants $(MODULE)

@@ -15,7 +15,7 @@ export class Arena {
   view = new View();
   /** The robot that is looked at and steered; empty for none. */
   selected = "";
-  /** A goal that is being set: where, and the heading if there is one. @type {[number, number, number | null] | null} */
+  /** A goal that is being set, with a heading if there is one. @type {[number, number, number | null] | null} */
   goal = null;
   /** The circle while it is moved by hand, and its handles. @type {Circle | null} */
   circle = null;
@@ -117,7 +117,9 @@ export class Arena {
   /** Whether anybody follows the circle. @param {import("./fleet.js").Robot[]} robots */
   #circleMatters(robots) {
     const behaviours = this.fleet.hello?.behaviours ?? {};
-    return robots.some(({ details: { behaviour } }) => behaviour && (behaviours[behaviour]?.needs ?? ["circle"]).includes("circle"));
+    return robots.some(
+      ({ details: { behaviour } }) => behaviour && (behaviours[behaviour]?.needs ?? ["circle"]).includes("circle"),
+    );
   }
 
   /** What a hand can take hold of. @param {Circle} circle */

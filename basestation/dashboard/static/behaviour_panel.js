@@ -30,7 +30,12 @@ export class BehaviourPanel {
       "form",
       {},
       element("h2", {}, "Behaviour"),
-      element("div", { className: "pair" }, element("label", {}, "For", this.#who), element("label", {}, "Behaviour", this.#what)),
+      element(
+        "div",
+        { className: "pair" },
+        element("label", {}, "For", this.#who),
+        element("label", {}, "Behaviour", this.#what),
+      ),
       this.#summary,
       fields,
       element("div", { className: "bar" }, this.#state, this.#start),
@@ -53,7 +58,9 @@ export class BehaviourPanel {
         element("option", { value: "" }, "all robots"),
         ...[...robots.keys()].map((name) => element("option", { value: name }, name)),
       );
-      this.#what.replaceChildren(...Object.keys(hello.behaviours).map((name) => element("option", { value: name }, name)));
+      this.#what.replaceChildren(
+        ...Object.keys(hello.behaviours).map((name) => element("option", { value: name }, name)),
+      );
       this.#showRunning();
       this.#start.disabled = !maySteer;
     }
@@ -61,7 +68,16 @@ export class BehaviourPanel {
     const running = this.#isRunning();
     const { shown } = { shown: this.#what.value };
     const parameters = Object.keys(hello.behaviours[shown]?.parameters ?? {}).length > 0;
-    say(this.#state, !maySteer ? "You may watch, and stop." : running && parameters ? "Running: changes apply at once." : running ? "Running." : "");
+    say(
+      this.#state,
+      !maySteer
+        ? "You may watch, and stop."
+        : running && parameters
+          ? "Running: changes apply at once."
+          : running
+            ? "Running."
+            : "",
+    );
     say(this.#start, running ? "Start anew" : `Start ${shown}`);
     this.#start.className = running ? "quiet" : "main";
   }
@@ -72,7 +88,8 @@ export class BehaviourPanel {
   /** Show the behaviour that the chosen robots have. */
   #showRunning() {
     this.#shown = this.#running();
-    if (this.#shown && [...this.#what.options].some(({ value }) => value === this.#shown)) this.#what.value = this.#shown;
+    if (this.#shown && [...this.#what.options].some(({ value }) => value === this.#shown))
+      this.#what.value = this.#shown;
     this.#show();
   }
 
@@ -84,7 +101,8 @@ export class BehaviourPanel {
     const robot = this.#robots().find(({ details }) => details.behaviour === this.#what.value);
     this.#form.show(facts.parameters, robot?.details.parameters ?? {});
     for (const field of this.form.querySelectorAll(".fields input, .fields select")) {
-      if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement) field.disabled = !this.fleet.maySteer;
+      if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement)
+        field.disabled = !this.fleet.maySteer;
     }
     this.update();
   }

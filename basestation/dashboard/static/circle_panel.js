@@ -10,7 +10,12 @@ export class CirclePanel {
   #y = number("y");
   #radius = number("radius");
   #clockwise = element("input", { type: "checkbox", name: "clockwise" });
-  #grab = element("button", { type: "button", className: "quiet", textContent: "Move on the floor", ariaPressed: "false" });
+  #grab = element("button", {
+    type: "button",
+    className: "quiet",
+    textContent: "Move on the floor",
+    ariaPressed: "false",
+  });
 
   /**
    * @param {HTMLElement} panel
@@ -31,7 +36,12 @@ export class CirclePanel {
         element("label", {}, "y [m]", this.#y),
         element("label", {}, "radius [m]", this.#radius),
       ),
-      element("div", { className: "bar" }, element("label", { className: "tick" }, this.#clockwise, "clockwise"), element("button", { type: "submit", textContent: "Set" })),
+      element(
+        "div",
+        { className: "bar" },
+        element("label", { className: "tick" }, this.#clockwise, "clockwise"),
+        element("button", { type: "submit", textContent: "Set" }),
+      ),
     );
     form.onsubmit = (event) => {
       event.preventDefault();
@@ -67,7 +77,8 @@ export class CirclePanel {
     void this.orders.give(words, order).then((reply) => {
       const { arena } = this;
       // Refused: the handles go back to the circle that is in force.
-      if (reply.outcome !== "taken" && arena.circle !== null) arena.circle = arena.fleet.circle && { ...arena.fleet.circle };
+      if (reply.outcome !== "taken" && arena.circle !== null)
+        arena.circle = arena.fleet.circle && { ...arena.fleet.circle };
       arena.redraw();
     });
   }
@@ -84,7 +95,14 @@ export class CirclePanel {
 
 /** @param {string} name */
 function number(name) {
-  return element("input", { type: "number", step: "any", name, required: true, inputMode: "decimal", ...(name === "radius" ? { min: "0.05" } : {}) });
+  return element("input", {
+    type: "number",
+    step: "any",
+    name,
+    required: true,
+    inputMode: "decimal",
+    ...(name === "radius" ? { min: "0.05" } : {}),
+  });
 }
 
 /** To millimetres. @param {number} metres */

@@ -5,7 +5,7 @@ import { messagePack } from "./vendor.js";
 /** @typedef {import("./protocol.js").Message} Message */
 /** @typedef {import("./protocol.js").Reply} Reply */
 
-/** An order that is not answered by then is reported as such [ms]. A stop is confirmed by every robot, which takes time. */
+/** An order that is not answered by then is reported as such [ms]. Every robot confirms a stop, which takes time. */
 const ANSWER_TIMEOUT = 6000;
 
 /** Twenty states a second come; after this long without one the link is dead, whatever the browser thinks [ms]. */

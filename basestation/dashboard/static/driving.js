@@ -1,7 +1,7 @@
 /**
  * Driving one robot by hand, by keys or by a thumb-stick.
  *
- * While a hand is on them a wish is sent ten times a second, and one of zeros when it is taken off. Nothing else is ever
+ * While a hand is on them, a wish is sent ten times a second, and one of zeros when it is taken off. Nothing else is
  * sent. A hand is off when the key or finger is lifted, and when the page loses the focus, is hidden or is left.
  */
 

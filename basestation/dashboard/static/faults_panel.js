@@ -7,7 +7,14 @@ export class FaultsPanel {
   #made = "";
   #what = element("select", { name: "kind" });
   #where = element("select", { name: "target" });
-  #duration = element("input", { type: "number", min: "0.1", step: "any", value: "5", name: "duration", inputMode: "decimal" });
+  #duration = element("input", {
+    type: "number",
+    min: "0.1",
+    step: "any",
+    value: "5",
+    name: "duration",
+    inputMode: "decimal",
+  });
   #doc = element("p", { className: "hint" });
   #lasting = element("ul", { className: "lasting", ariaLabel: "Broken now" });
   #rows = element("pre", { tabIndex: 0 });
@@ -29,7 +36,12 @@ export class FaultsPanel {
       "form",
       {},
       element("h2", {}, "Break it"),
-      element("div", { className: "pair" }, element("label", {}, "What", this.#what), element("label", {}, "Where", this.#where)),
+      element(
+        "div",
+        { className: "pair" },
+        element("label", {}, "What", this.#what),
+        element("label", {}, "Where", this.#where),
+      ),
       this.#doc,
       fields,
       element(
@@ -45,7 +57,11 @@ export class FaultsPanel {
       this.#break();
     };
     this.#save.onclick = () => this.#download();
-    panel.append(this.form, element("div", { className: "bar" }, element("h2", {}, "For a scenario"), this.#save), this.#rows);
+    panel.append(
+      this.form,
+      element("div", { className: "bar" }, element("h2", {}, "For a scenario"), this.#save),
+      this.#rows,
+    );
   }
 
   /** Show what is new. */

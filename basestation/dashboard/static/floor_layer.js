@@ -10,9 +10,20 @@
 const BAND = 0.1;
 const BAND_HEIGHT = 0.13;
 
-/** Letters on the canvas. */
-export const SMALL = "11px Inter, system-ui, sans-serif";
-export const BOLD = "600 12px Inter, system-ui, sans-serif";
+export const FONT = "Inter, system-ui, sans-serif";
+
+/**
+ * Letters on the canvas: larger where there is room, as on a projector.
+ *
+ * @param {View} view
+ */
+export const small = (view) => `${Math.round(11 * room(view))}px ${FONT}`;
+
+/** @param {View} view */
+export const bold = (view) => `600 ${Math.round(12 * room(view))}px ${FONT}`;
+
+/** @param {View} view */
+export const room = ({ width }) => Math.min(1.6, Math.max(1, width / 1050));
 
 /** More robots than that leave no room for the values of their gaps. */
 const MOST_GAPS = 24;
@@ -54,7 +65,7 @@ export function drawFloor(context, view, palette, [left, bottom, right, top], co
   context.lineWidth = 1.5;
   context.strokeRect(x, y, width, height);
   context.fillStyle = palette.muted;
-  context.font = SMALL;
+  context.font = small(view);
   context.textAlign = "right";
   context.textBaseline = "top";
   halo(context, palette, `grid ${step} m`, x + width - 2, y + height + 6, palette.muted);
@@ -69,7 +80,7 @@ export function drawFloor(context, view, palette, [left, bottom, right, top], co
  * @param {Record<string, {outline: import("./protocol.js").Point[]}>} cameras
  */
 export function drawCameras(context, view, palette, cameras) {
-  context.font = SMALL;
+  context.font = small(view);
   context.textAlign = "left";
   for (const [name, { outline }] of Object.entries(cameras)) {
     if (outline.length === 0) continue;
@@ -158,13 +169,7 @@ function drawImportance(context, view, palette, circle, importance) {
   context.strokeStyle = palette.importance;
   context.lineWidth = 1.5;
   context.stroke();
-  context.arc(
-    view.px(circle.x),
-    view.py(circle.y),
-    circle.radius * (1 + BAND) * view.scale,
-    0,
-    2 * Math.PI,
-  );
+  context.arc(view.px(circle.x), view.py(circle.y), circle.radius * (1 + BAND) * view.scale, 0, 2 * Math.PI);
   context.fillStyle = palette.importance;
   context.globalAlpha = 0.16;
   context.fill("evenodd");
@@ -184,7 +189,7 @@ export function drawGaps(context, view, palette, fleet, circle) {
   const gaps = Object.entries(fleet.gaps);
   if (gaps.length < 2 || gaps.length > MOST_GAPS) return;
   const sense = circle.clockwise ? -1 : 1;
-  context.font = SMALL;
+  context.font = small(view);
   context.textAlign = "center";
   context.textBaseline = "middle";
   for (const [name, gap] of gaps) {

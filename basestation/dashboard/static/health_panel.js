@@ -78,7 +78,11 @@ class ProcessRows {
     };
     this.#inputs.hidden = true;
     this.row = element("tr", {}, element("th", { scope: "row" }, this.#name), ...this.#cells);
-    this.more = element("tr", { className: "more" }, element("td", { colSpan: COLUMNS.length }, this.#wrong, this.#inputs));
+    this.more = element(
+      "tr",
+      { className: "more" },
+      element("td", { colSpan: COLUMNS.length }, this.#wrong, this.#inputs),
+    );
   }
 
   /** @param {ProcessReport} report */
@@ -98,7 +102,8 @@ class ProcessRows {
     say(this.#wrong, [...complaints, ...reasons].join("; "));
     const inputs = Object.entries(rates).map(([word, rate]) => {
       const old = ages[word];
-      return `${word.replaceAll("_", " ")} ${figure(rate, rate < 10 ? 1 : 0)} Hz${old === undefined ? "" : `, ${figure(old, 2)} s old`}`;
+      const rest = old === undefined ? "" : `, ${figure(old, 2)} s old`;
+      return `${word.replaceAll("_", " ")} ${figure(rate, rate < 10 ? 1 : 0)} Hz${rest}`;
     });
     say(this.#inputs, inputs.length ? `receives ${inputs.join("; ")}` : "does not say what it receives");
     this.more.hidden = !this.#open && !this.#wrong.textContent;

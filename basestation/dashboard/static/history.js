@@ -23,7 +23,8 @@ export class History {
   take(fleet) {
     const t = fleet.state?.t ?? 0;
     const last = this.times.at(-1) ?? -Infinity;
-    if (t < last) this.#clear(); // the server's clock was set back
+    if (t < last)
+      this.#clear(); // the server's clock was set back
     else if (t - last < PERIOD - 0.01) return;
     this.times.push(t);
     for (const name of fleet.robots.keys()) if (!this.#samples.has(name)) this.#samples.set(name, this.#empty());

@@ -36,7 +36,9 @@ export class Link {
       const wait = Math.max(0, (retryAt - now) / 1000);
       [state, words] = ["lost", known ? "Disconnected" : "Connecting"];
       const again = wait > 0.3 ? `Trying again in ${figure(wait, 0)} s.` : "Trying again now.";
-      veil = known ? `No connection to the base station for ${age}. ${again} This is what was seen last.` : "Connecting to the base station …";
+      veil = known
+        ? `No connection to the base station for ${age}. ${again} This is what was seen last.`
+        : "Connecting to the base station …";
     }
     this.body.dataset.link = state;
     say(this.word, words);

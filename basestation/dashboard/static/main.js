@@ -32,7 +32,10 @@ const at = (id) => byId(id, HTMLElement);
 
 function start() {
   if (messagePack === null || uPlot === null) {
-    say(at("veil"), "The page's libraries are not installed: run `make setup`, then load this page again. `muro stop` works without them.");
+    say(
+      at("veil"),
+      "The page's libraries are not installed: run `make setup`, then load it again. `muro stop` works without them.",
+    );
     at("veil").hidden = false;
     return;
   }
@@ -42,7 +45,12 @@ function start() {
   const address = `${location.origin.replace(/^http/, "ws")}/ws`;
   const connection = new Connection(address, token, receive, changed);
   const orders = new Orders(connection, at("notices"));
-  const stop = new StopDesk({ button: at("stop"), receipt: at("receipt"), resume: at("resume") }, connection, fleet, orders);
+  const stop = new StopDesk(
+    { button: at("stop"), receipt: at("receipt"), resume: at("resume") },
+    connection,
+    fleet,
+    orders,
+  );
   new Theme(at("theme"), recolour);
   const palette = new Palette();
   const pictures = new Pictures(connection, () => arena.redraw());
@@ -59,12 +67,13 @@ function start() {
   new Tabs(at("tabs"), show);
   new ArenaPointer(arena, {
     choose,
-    maySetGoal: () => fleet.maySteer && card.robot !== undefined && driving.name === "",
+    maySetGoal,
     setGoal: (x, y, theta) => card.sendTo(x, y, theta),
     moveCircle: (moved) => circle.give(moved),
   });
   look(arena, pictures, fleet);
   setInterval(show, READING);
+  window.addEventListener("hashchange", () => location.reload()); // another token
 
   /** @param {import("./protocol.js").Message} message */
   function receive(message) {
@@ -101,6 +110,10 @@ function start() {
     show();
   }
 
+  function maySetGoal() {
+    return fleet.maySteer && card.robot !== undefined && driving.name === "";
+  }
+
   function recolour() {
     palette.read();
     arena.redraw();
@@ -117,8 +130,14 @@ function start() {
     if (live) plots.update();
     health.update();
     faults.update();
-    say(at("held"), fleet.leases.map(({ program, operator, since }) => `held by ${program} of ${operator} since ${clock(since)}`).join("; "));
+    say(
+      at("held"),
+      fleet.leases
+        .map(({ program, operator, since }) => `held by ${program} of ${operator} since ${clock(since)}`)
+        .join("; "),
+    );
     say(at("hint"), hint());
+    arena.canvas.classList.toggle("aiming", maySetGoal());
   }
 
   /** What a click on the floor would do. */

@@ -91,7 +91,11 @@ function fieldOf(parameter, value) {
   const { type, choices } = parameter;
   if (type === "choice" || type === "boolean") {
     const options = type === "boolean" ? ["false", "true"] : (choices ?? []);
-    const field = element("select", {}, ...options.map((choice) => element("option", { value: choice }, choice.replaceAll("_", " "))));
+    const field = element(
+      "select",
+      {},
+      ...options.map((choice) => element("option", { value: choice }, choice.replaceAll("_", " "))),
+    );
     field.value = String(value);
     return field;
   }
@@ -106,7 +110,9 @@ function fieldOf(parameter, value) {
     field.oninput = () => {
       const number = Number(field.value);
       const outside = field.value !== "" && ((above != null && number <= above) || (below != null && number >= below));
-      field.setCustomValidity(outside ? `must be ${above != null && number <= above ? `above ${above}` : `below ${below}`}` : "");
+      field.setCustomValidity(
+        outside ? `must be ${above != null && number <= above ? `above ${above}` : `below ${below}`}` : "",
+      );
     };
     field.value = value === null || value === undefined ? "" : String(value);
     return field;

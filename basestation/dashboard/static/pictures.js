@@ -83,7 +83,7 @@ export class Pictures {
   }
 
   /**
-   * A ring where each robot was when the picture that shows it was taken: a picture is older than what is drawn over it.
+   * A ring where each robot was when a picture of it was taken: a picture is older than what is drawn over it.
    *
    * @param {CanvasRenderingContext2D} context
    * @param {import("./view.js").View} view

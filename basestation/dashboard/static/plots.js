@@ -1,7 +1,7 @@
 /** The plots of the last minutes: which robots, live or frozen, with the values under the pointer. */
 
 import { element } from "./dom.js";
-import { SMALL } from "./floor_layer.js";
+import { FONT } from "./floor_layer.js";
 import { uPlot } from "./vendor.js";
 import { clock } from "./words.js";
 
@@ -55,7 +55,12 @@ export class Plots {
     this.fleet = fleet;
     this.history = history;
     this.palette = palette;
-    const freeze = element("button", { type: "button", className: "quiet", textContent: "Freeze", ariaPressed: "false" });
+    const freeze = element("button", {
+      type: "button",
+      className: "quiet",
+      textContent: "Freeze",
+      ariaPressed: "false",
+    });
     freeze.onclick = () => {
       this.frozen = !this.frozen;
       freeze.textContent = this.frozen ? "Go on" : "Freeze";
@@ -136,7 +141,12 @@ export class Plots {
     const readout = element("span", { className: "readout" });
     const figure = element("figure", {}, element("figcaption", {}, element("span", {}, `${title} [${unit}]`), readout));
     this.#charts.append(figure);
-    const axis = { stroke: palette.muted, grid: { stroke: palette.line, width: 1 }, ticks: { show: false }, font: SMALL };
+    const axis = {
+      stroke: palette.muted,
+      grid: { stroke: palette.line, width: 1 },
+      ticks: { show: false },
+      font: `11px ${FONT}`,
+    };
     const series = this.#chosen.flatMap((name, index) =>
       quantities.map((_, second) => ({
         label: name,

@@ -2,7 +2,8 @@
 
 import { element, say } from "./dom.js";
 import { MANUAL } from "./driving.js";
-import { Stick } from "./stick.js";
+import { goalForm } from "./goal_form.js";
+import { HandPanel } from "./hand_panel.js";
 import { figure, WORDS } from "./words.js";
 
 /** @typedef {import("./fleet.js").Robot} Robot */
@@ -14,8 +15,8 @@ export class RobotCard {
   #made = "";
   /** @type {Record<string, HTMLElement>} */
   #figures = {};
-  /** @type {Stick | null} */
-  #stick = null;
+  /** @type {HandPanel | null} */
+  #hand = null;
 
   /**
    * @param {HTMLElement} card
@@ -43,8 +44,10 @@ export class RobotCard {
     if (driven && robot.details.behaviour !== MANUAL && this.#made.endsWith("driven")) this.driving.take("");
     const kind = this.#kind(robot);
     if (kind !== this.#made) {
+      const another = kind.split(" ")[0] !== this.#made.split(" ")[0];
       this.#made = kind;
       this.#make(robot);
+      if (another || driven) this.card.scrollIntoView({ block: "nearest" });
     }
     if (robot === undefined) return;
     const { details } = robot;
@@ -53,7 +56,10 @@ export class RobotCard {
     const wheels = Array.isArray(details.wheels) ? details.wheels.join(", ") : (details.wheels ?? "");
     this.#say("condition", WORDS[robot.condition] + (details.reason ? `: ${details.reason}` : ""));
     this.#say("behaviour", details.behaviour ?? "–");
-    this.#say("place", robot.placed ? `${figure(robot.x)}, ${figure(robot.y)} m, ${figure(degrees, 0)}°` : "never seen");
+    this.#say(
+      "place",
+      robot.placed ? `${figure(robot.x)}, ${figure(robot.y)} m, ${figure(degrees, 0)}°` : "never seen",
+    );
     this.#say("speed", `${figure(robot.v)} m/s, ${figure(robot.omega)} rad/s`);
     this.#say("command", `${figure(robot.command[0])} m/s, ${figure(robot.command[1])} rad/s`);
     this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms`);
@@ -63,7 +69,7 @@ export class RobotCard {
 
   /** Show where the stick is. */
   showWish() {
-    this.#stick?.show(this.driving.wish);
+    this.#hand?.showWish();
   }
 
   /**
@@ -131,7 +137,8 @@ export class RobotCard {
   #make(robot) {
     this.card.hidden = robot === undefined;
     this.#figures = {};
-    this.#stick = null;
+    const driven = robot !== undefined && this.driving.name === robot.name;
+    this.#hand = driven ? new HandPanel(this.driving) : null;
     if (robot === undefined) return this.card.replaceChildren();
     const { name } = robot;
     const close = element("button", { type: "button", className: "quiet", textContent: "Close" });
@@ -141,15 +148,13 @@ export class RobotCard {
       this.update();
       this.arena.redraw();
     };
-    const driven = this.driving.name === name;
     this.card.replaceChildren(
       element("div", { className: "bar" }, element("h2", {}, name), close),
-      ...(driven ? [this.#hand()] : []),
+      ...(this.#hand === null ? [] : [this.#hand.element]),
       this.#buttons(robot),
       this.#facts(),
     );
-    if (this.fleet.maySteer && !driven) this.card.append(this.#goalForm());
-    this.card.scrollIntoView({ block: "nearest" });
+    if (this.fleet.maySteer && !driven) this.card.append(goalForm((x, y, theta) => this.sendTo(x, y, theta)));
   }
 
   #facts() {
@@ -188,7 +193,9 @@ export class RobotCard {
     const row = element("div", { className: "buttons" });
     row.append(button(`Stop ${name}`, () => void orders.give(`Stop ${name}`, { order: "stop", names: [name] })));
     if (fleet.maySteer && fleet.isStopped(name) && !fleet.stop.all) {
-      row.append(button(`Resume ${name}`, () => void orders.give(`Resume ${name}`, { order: "resume", names: [name] })));
+      row.append(
+        button(`Resume ${name}`, () => void orders.give(`Resume ${name}`, { order: "resume", names: [name] })),
+      );
     }
     row.append(
       button("Follow", () => {
@@ -216,53 +223,6 @@ export class RobotCard {
     }
     this.driving.take(name);
     this.update();
-  }
-
-  #goalForm() {
-    /**
-     * @param {string} label
-     * @param {string} name
-     * @param {boolean} required
-     */
-    const field = (label, name, required) => {
-      const input = element("input", { type: "number", step: "any", name, required, inputMode: "decimal" });
-      return element("label", {}, label, input);
-    };
-    const form = element(
-      "form",
-      { className: "goal" },
-      field("x [m]", "x", true),
-      field("y [m]", "y", true),
-      field("heading [°]", "theta", false),
-      element("button", { type: "submit", textContent: "Go" }),
-      element("p", { className: "hint" }, "Or click the floor; drag for a heading."),
-    );
-    form.onsubmit = (event) => {
-      event.preventDefault();
-      const entered = new FormData(form);
-      const theta = entered.get("theta");
-      this.sendTo(Number(entered.get("x")), Number(entered.get("y")), theta ? (Number(theta) * Math.PI) / 180 : null);
-    };
-    return form;
-  }
-
-  #hand() {
-    const knob = element("span", { className: "knob" });
-    const pad = element("div", { className: "pad", ariaHidden: "true" }, knob);
-    this.#stick = new Stick(pad, knob, (forwards, left) => this.driving.steer(forwards, left));
-    const pace = element("input", { type: "range", min: "0.1", max: "1", step: "0.1", value: String(this.driving.pace) });
-    pace.oninput = () => (this.driving.pace = Number(pace.value));
-    return element(
-      "div",
-      { className: "hand" },
-      pad,
-      element(
-        "div",
-        {},
-        element("p", { className: "hint" }, "Arrow keys or W A S D, or the stick. Let go and the robot stands."),
-        element("label", {}, "Pace", pace),
-      ),
-    );
   }
 
   /**

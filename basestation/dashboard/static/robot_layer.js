@@ -1,6 +1,6 @@
 /** The robots, to scale: their condition by shape and colour, heading, name, and where the separation filter acts. */
 
-import { BOLD, halo, SMALL } from "./floor_layer.js";
+import { bold, halo, room, small } from "./floor_layer.js";
 import { figure, WORDS } from "./words.js";
 
 /** @typedef {CanvasRenderingContext2D} Context */
@@ -35,7 +35,8 @@ export function drawRobots(context, view, palette, robots, selected, covered) {
   context.textAlign = "center";
   context.textBaseline = "top";
   for (const robot of robots) {
-    if (robot.placed && (named || robot.name === selected || robot.condition !== "driving")) drawName(context, view, palette, robot);
+    if (robot.placed && (named || robot.name === selected || robot.condition !== "driving"))
+      drawName(context, view, palette, robot);
   }
 }
 
@@ -196,11 +197,11 @@ function drawName(context, view, palette, robot) {
   const { condition } = robot;
   const x = view.px(robot.x);
   const y = view.py(robot.y) + Math.max(LEAST_RADIUS, robot.facts.radius * view.scale) + 5;
-  context.font = BOLD;
+  context.font = bold(view);
   halo(context, palette, robot.name, x, y, condition === "lost" ? palette.muted : palette.ink);
   if (condition === "driving" || condition === "holding" || condition === "stopped") return;
   const aged = condition === "lost" || condition === "stale";
-  context.font = SMALL;
+  context.font = small(view);
   const words = aged ? `${WORDS[condition]} ${figure(robot.age, (robot.age ?? 0) < 10 ? 1 : 0)} s` : WORDS[condition];
-  halo(context, palette, words, x, y + 14, palette.muted);
+  halo(context, palette, words, x, y + 14 * room(view), palette.muted);
 }

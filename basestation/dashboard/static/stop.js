@@ -53,7 +53,10 @@ export class StopDesk {
     setTimeout(() => this.#button.classList.remove("asked"), 250);
     if (!this.connection.open) {
       this.#owed = true;
-      this.#show("bad", "Not connected: the stop is sent as soon as the connection is back. Use `muro stop`, or switch the robots off.");
+      this.#show(
+        "bad",
+        "Not connected: the stop is sent as soon as the connection is back. Use `muro stop`, or switch the robots off.",
+      );
       return;
     }
     this.#owed = false;
@@ -111,7 +114,12 @@ export class StopDesk {
   /** @param {Reply} reply */
   #report({ outcome, reason, receipt }) {
     if (!receipt) {
-      const words = outcome === "refused" ? "The stop was refused" : outcome === "taken" ? "The stop was taken" : "The stop was not answered";
+      const words =
+        outcome === "refused"
+          ? "The stop was refused"
+          : outcome === "taken"
+            ? "The stop was taken"
+            : "The stop was not answered";
       this.#show("bad", `${words}${reason ? `: ${reason}` : ""}. Switch the robots off if they drive.`);
       return;
     }
@@ -120,17 +128,31 @@ export class StopDesk {
     const times = resting.map(([, row]) => row.at_rest_after_s ?? 0);
     if (receipt.confirmed) {
       const longest = times.length ? ` within ${figure(Math.max(...times), 2)} s` : "";
-      this.#show("good", rows.length ? `${count(resting.length)} stand${resting.length === 1 ? "s" : ""} still${longest}` : "The stop is kept; no robot is known");
+      this.#show(
+        "good",
+        rows.length
+          ? `${count(resting.length)} stand${resting.length === 1 ? "s" : ""} still${longest}`
+          : "The stop is kept; no robot is known",
+      );
     } else {
       this.#show("bad", `${resting.length} of ${count(rows.length)} confirmed. Missing:`);
     }
     const missing = rows.filter(([, { status }]) => status !== "stopped");
     const lines = missing.map(([name, { status, silent_s }]) =>
-      element("li", {}, element("strong", {}, name), ` ${status}${silent_s === null ? "" : `, silent for ${figure(silent_s, 1)} s`}`),
+      element(
+        "li",
+        {},
+        element("strong", {}, name),
+        ` ${status}${silent_s === null ? "" : `, silent for ${figure(silent_s, 1)} s`}`,
+      ),
     );
     this.#receipt.append(element("ul", { className: "missing" }, ...lines));
-    const stand = resting.map(([name, row]) => element("li", {}, element("strong", {}, name), ` ${amount(row.at_rest_after_s, 2, "s")}`));
-    this.#receipt.append(element("ul", { className: "resting", ariaLabel: "Standing still, and after which time" }, ...stand));
+    const stand = resting.map(([name, row]) =>
+      element("li", {}, element("strong", {}, name), ` ${amount(row.at_rest_after_s, 2, "s")}`),
+    );
+    this.#receipt.append(
+      element("ul", { className: "resting", ariaLabel: "Standing still, and after which time" }, ...stand),
+    );
   }
 
   /**
