@@ -18,7 +18,7 @@ from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
 from muro_zenoh.config import TIMEOUTS, RobotSettings, Timeouts
 from muro_zenoh.estimation.pose_filter import PoseEstimate
-from muro_zenoh.geometry import STILL, Circle, State
+from muro_zenoh.geometry import STILL, Circle, State, Twist2
 from muro_zenoh.messages import MOST_NAMES, PoseFix, StopOrder, VelocityCommand
 from muro_zenoh.runtime.waiting import without_numbers
 from muro_zenoh.safety.gate import reasons_to_hold
@@ -35,13 +35,16 @@ still be on its way, or lost."""
 
 class Surroundings(NamedTuple):
     """What was received from other processes, at one moment: the ``circle``; the ``speed`` on ``velocity/<name>``
-    [m/s], None when stale, and its age [s]; the ``snapshot`` of all robots, None when stale, and its age [s]."""
+    [m/s], None when stale, and its age [s]; the ``snapshot`` of all robots, None when stale, and its age [s]; the
+    ``wish`` of a hand at a stick on ``drive/<name>``, None when stale, and its age [s]."""
 
     circle: Circle | None = None
     speed: float | None = None
     speed_age: float = math.inf
     snapshot: Snapshot | None = None
     snapshot_age: float = math.inf
+    wish: Twist2 | None = None
+    wish_age: float = math.inf
 
 
 class ControlLoop:

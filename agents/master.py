@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from muro_zenoh import channels
-from muro_zenoh.messages import Lease, Message, SpeedReference
+from muro_zenoh.channels import Channel
+from muro_zenoh.messages import Lease, Message
 from muro_zenoh.transport import Bus, Received
+
+T = TypeVar("T", bound=Message)
 
 _MOST_WRITERS: Final = 8
 
@@ -49,8 +52,8 @@ class Master:
         return "" if lease is None or lease.admits(order) else str(lease)
 
 
-class SpeedWriters:
-    """The velocities that others publish for one robot, of which one writer's is followed.
+class Writers(Generic[T]):
+    """What others publish for one robot on a channel, such as velocities, of which one writer's is followed.
 
     While somebody holds the robot, only his count. Otherwise the first one counts for as long as it is fresh: a second
     program waits until the first one is silent, in place of the two driving in turns. What the robot's own behaviour
@@ -58,25 +61,27 @@ class SpeedWriters:
 
     Args:
         bus: the bus.
+        channel: the channel.
         name: the robot's name.
         master: its lease.
     """
 
-    def __init__(self, bus: Bus, name: str, master: Master) -> None:
-        self._inbox = bus.every(channels.VELOCITY, name)
+    def __init__(self, bus: Bus, channel: Channel[T], name: str, master: Master) -> None:
+        self._inbox = bus.every(channel, name)
+        self._channel = channel
         self._own = bus.epoch
         self._master = master
-        self._newest: dict[int, Received[SpeedReference]] = {}
+        self._newest: dict[int, Received[T]] = {}
         self._followed: int | None = None
         self.complaint = ""
-        """Why another program's velocity is not followed; empty when there is none."""
+        """Why what another program publishes is not followed; empty when there is none."""
 
     def close(self) -> None:
         """Listen no more."""
         self._inbox.close()
 
-    def followed(self, now: float) -> tuple[Received[SpeedReference] | None, float]:
-        """The newest velocity of the writer that counts, None when it is stale, and its age [s].
+    def followed(self, now: float) -> tuple[Received[T] | None, float]:
+        """The newest message of the writer that counts, None when it is stale, and its age [s].
 
         Args:
             now: the time [s].
@@ -88,7 +93,7 @@ class SpeedWriters:
                 self._forget_one()
         ages = {epoch: received.age(now) for epoch, received in self._newest.items()}
         # Written so that a NaN is stale.
-        fresh = {epoch for epoch, age in ages.items() if age <= channels.VELOCITY.stale_after}
+        fresh = {epoch for epoch, age in ages.items() if age <= self._channel.stale_after}
         lease = self._master.lease
         admitted = {e for e in fresh if lease is None or e == self._own or lease.admits(self._newest[e].message)}
         if self._followed not in admitted or self._followed == self._own:
@@ -97,7 +102,7 @@ class SpeedWriters:
         self.complaint = ""
         if others:
             why = str(lease) if lease is not None else "another program's came first"
-            self.complaint = f"a velocity is not followed: {why}"
+            self.complaint = f"a {self._channel.word} is not followed: {why}"
         if self._followed is None:
             return None, min(ages.values(), default=math.inf)
         return self._newest[self._followed], ages[self._followed]

@@ -54,6 +54,7 @@ class SimulatedCamera:
         captured: number of frames captured so far.
         skipped: number of frames skipped so far, because the previous one was still being rendered when they were due.
         lost: number of frames that were captured and never sent, as the settings say.
+        covered: how many hands cover its lens: it then gives no pictures.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class SimulatedCamera:
         self.captured = 0
         self.skipped = 0
         self.lost = 0
+        self.covered = 0
         self._frames = frames
         self._settings = settings
         self._model = model
@@ -101,7 +103,7 @@ class SimulatedCamera:
                     self.skipped += 1
                     continue
                 seen = self._scene.look()
-                if seen is None:
+                if seen is None or self.covered:
                     continue
                 self.captured += 1
                 jitter, luck = self._luck.random(2).tolist()

@@ -13,6 +13,7 @@ import numpy as np
 from agents.base.run import run_bases
 from agents.base.simulated import Floor, SimulatedWheels, make_plant
 from agents.distant_floor import DistantFloor
+from agents.mishaps import Mishaps
 from agents.simulated_camera import Scene, SimulatedCamera
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -61,6 +62,8 @@ class Room:
         self._health = bus.publisher(channels.HEALTH, "simulator")
         self._clock = StationClock(bus, scenario.clocks)
         self._bases = bus.latest(channels.BASE, "*", own_only=True)
+        self._mishaps = Mishaps(scenario, self.floor, self.cameras)
+        bus.answer(channels.BEFALL, self._mishaps.befall)
 
     async def run(self) -> None:
         """Run bases, plant and cameras."""

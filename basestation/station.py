@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 
+from basestation.dashboard.child import keep_page
 from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
 from basestation.localization.of_scenario import make_fusion
@@ -74,12 +75,13 @@ class Station:
             self.store.close()
 
 
-async def run_basestation(scenario: Scenario, state: Path | None) -> None:
+async def run_basestation(scenario: Scenario, state: Path | None, page: Sequence[str] = ()) -> None:
     """The base station process.
 
     Args:
         scenario: the settings.
         state: the file of the kept state; None keeps it only in memory.
+        page: program and arguments of the page's process; none for no page.
 
     Raises:
         NotConnected: no router answered.
@@ -91,4 +93,10 @@ async def run_basestation(scenario: Scenario, state: Path | None) -> None:
             station = Station(bus, scenario, state, cameras_on_bus(bus, scenario, threads))
             bus.announce(Role.BASESTATION, "basestation")
             ready("basestation")
-            await station.run()
+            serving = asyncio.create_task(keep_page(page), name="page") if page else None
+            try:
+                await station.run()
+            finally:
+                if serving is not None:
+                    serving.cancel()
+                    await asyncio.wait({serving})

@@ -13,6 +13,8 @@ from hypothesis import settings
 settings.register_profile("muro", deadline=None, derandomize=False)
 # In CI a failure must come of the change that is tested: the examples are the same each time. Elsewhere they are new.
 settings.register_profile("muro-ci", deadline=None, derandomize=True)
+# Runs and base stations of tests that are not about the page serve none; a test of it says where.
+os.environ.setdefault("MURO_WEB", "off")
 settings.load_profile("muro-ci" if os.environ.get("CI", "").lower() == "true" else "muro")
 
 

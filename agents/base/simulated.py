@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,33 @@ class Look(NamedTuple):
     twists: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Hand:
+    """Carries a robot: from a pose, by a distance, between two times of a floor."""
+
+    start: tuple[float, float, float]
+    by: tuple[float, float, float]
+    begin: float
+    end: float
+
+    def at(self, now: float) -> tuple[float, float, float]:
+        """Where it has the robot: x, y [m, world], theta [rad].
+
+        Args:
+            now: the floor's time [s].
+        """
+        part = min(max((now - self.begin) / (self.end - self.begin), 0.0), 1.0)
+        x, y, theta = (value + part * change for value, change in zip(self.start, self.by, strict=True))
+        return x, y, theta
+
+    @property
+    def twist(self) -> tuple[float, float]:
+        """How fast it moves the robot [m/s], and turns it [rad/s]."""
+        dx, dy, turn = self.by
+        lasts = self.end - self.begin
+        return math.hypot(dx, dy) / lasts, turn / lasts
+
+
 class Floor:
     """A plant that follows a clock: every access first advances it to now.
 
@@ -57,6 +85,8 @@ class Floor:
         self._watchdog = watchdog
         self._given = np.full(len(plant), -math.inf)
         self._readings: list[WheelReading] = []  # cached until the plant moves
+        self._begun = self._time
+        self._hands: dict[int, Hand] = {}
 
     @property
     def plant(self) -> Plant:
@@ -111,7 +141,50 @@ class Floor:
 
     def _step(self) -> None:
         """Advance the plant by one step."""
-        self._plant.step(self.commands, STEP)
+        self._advance(self.commands)
+
+    def _advance(self, commands: Array) -> None:
+        """Advance the plant by one step of these commands; who is carried is where the hand has it."""
+        self._plant.step(commands, STEP)
+        for row, hand in self._hands.items():
+            self._plant.place(row, *hand.at(self.elapsed + STEP))
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start [s]."""
+        return self._time - self._begun
+
+    def carry(self, row: int, by: tuple[float, float, float], lasts: float) -> Hand:
+        """Carry a robot from now on.
+
+        Args:
+            row: which.
+            by: how far: x [m], y [m], theta [rad].
+            lasts: how long it takes [s].
+
+        Returns:
+            For :meth:`set_down`.
+        """
+        self.catch_up()
+        x, y, theta = self.plant.pose[row].tolist()
+        hand = self._hands[row] = Hand((x, y, theta), by, self.elapsed, self.elapsed + lasts)
+        return hand
+
+    def set_down(self, row: int, hand: Hand) -> float:
+        """End carrying a robot.
+
+        Args:
+            row: which.
+            hand: what carries it; another one may have taken it meanwhile.
+
+        Returns:
+            How far it is from where it was taken [m].
+        """
+        self.catch_up()
+        if self._hands.get(row) is hand:
+            del self._hands[row]
+        x, y, _ = self.plant.pose[row].tolist()
+        return math.hypot(x - hand.start[0], y - hand.start[1])
 
     def reading(self, row: int) -> WheelReading:
         """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edges.

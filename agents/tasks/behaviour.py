@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 _LEAVE_TIMEOUT = 1.0
 """How long a cancelled behaviour may take to end [s]; the robot is stationary meanwhile."""
 
-_EVERYTHING = frozenset(Need) - {Need.GOALS}
+_EVERYTHING = frozenset(Need) - {Need.GOALS, Need.HAND}
 
 
 class BehaviourRunner:

@@ -7,14 +7,15 @@ import math
 from typing import Any, Final, TypeVar
 
 from agents.control_loop import ControlLoop, Surroundings
-from agents.master import Master, SpeedWriters
+from agents.master import Master, Writers
 from agents.outgoing import Outgoing
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
 from muro_zenoh.config import TIMEOUTS, Timeouts
+from muro_zenoh.geometry import Twist2
 from muro_zenoh.messages import Circle as CircleMessage
-from muro_zenoh.messages import FleetSnapshot, Message, PoseFix
+from muro_zenoh.messages import DriveWish, FleetSnapshot, Message, PoseFix, SpeedReference
 from muro_zenoh.transport import Bus, Latest, Publisher, Received
 
 T = TypeVar("T", bound=Message)
@@ -74,7 +75,8 @@ class Listener:
         self._name = name
         self._master = master
         self._circle: Latest[CircleMessage] | None = None
-        self._speed: SpeedWriters | None = None
+        self._speed: Writers[SpeedReference] | None = None
+        self._hand: Writers[DriveWish] | None = None
         self._snapshot: Latest[FleetSnapshot] | None = None
 
     def need(self, needs: frozenset[Need]) -> None:
@@ -84,11 +86,14 @@ class Listener:
             needs: needs of the behaviour that starts.
         """
         needs |= self._always
-        if self._speed is not None:  # a speed for the previous behaviour is not one for this behaviour
-            self._speed.close()
+        for writers in (self._speed, self._hand):  # what was meant for the previous behaviour is not for this one
+            if writers is not None:
+                writers.close()
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
         self._snapshot = self._needed(Need.SNAPSHOT in needs, self._snapshot, channels.ALL_POSITIONS)
-        self._speed = SpeedWriters(self._bus, self._name, self._master) if Need.SPEED in needs else None
+        bus, name, master = self._bus, self._name, self._master
+        self._speed = Writers(bus, channels.VELOCITY, name, master) if Need.SPEED in needs else None
+        self._hand = Writers(bus, channels.DRIVE, name, master) if Need.HAND in needs else None
 
     def _needed(self, needed: bool, box: Latest[T] | None, channel: Channel[T]) -> Latest[T] | None:
         if needed:
@@ -100,7 +105,7 @@ class Listener:
     @property
     def complaints(self) -> tuple[str, ...]:
         """What was received and is not followed, for the operator."""
-        return (self._speed.complaint,) if self._speed is not None and self._speed.complaint else ()
+        return tuple(w.complaint for w in (self._speed, self._hand) if w is not None and w.complaint)
 
     def surroundings(self, now: float) -> Surroundings:
         """What has been received until now.
@@ -111,6 +116,7 @@ class Listener:
         self._master.look()
         circle = self._circle.get() if self._circle is not None else None
         speed, speed_age = self._speed.followed(now) if self._speed is not None else (None, math.inf)
+        wish, wish_age = self._hand.followed(now) if self._hand is not None else (None, math.inf)
         snapshot, snapshot_age = _fresh(self._snapshot, now, self._snapshot_timeout)
         return Surroundings(
             circle.message.circle if circle is not None else None,
@@ -120,6 +126,8 @@ class Listener:
             if snapshot is not None
             else None,
             snapshot_age,
+            Twist2(wish.message.v, wish.message.omega) if wish is not None else None,
+            wish_age,
         )
 
 

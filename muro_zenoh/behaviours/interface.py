@@ -97,6 +97,9 @@ class Seen(NamedTuple):
         speed_age: the age of the newest speed, stale or not; infinite before the first [s].
         snapshot: all robots; None when there is none or it is stale.
         snapshot_age: the age of the newest snapshot, stale or not; infinite before the first [s].
+        wish: the twist that a hand at a stick wants, from ``muro/drive/<name>``; None when there is none or it is
+            stale.
+        wish_age: the age of the newest wish, stale or not; infinite before the first [s].
         stopped: the robots that the newest stop order names.
         may_drive: whether the robot was allowed to drive at its last command.
     """
@@ -109,6 +112,8 @@ class Seen(NamedTuple):
     speed_age: float = float("inf")
     snapshot: Snapshot | None = None
     snapshot_age: float = float("inf")
+    wish: Twist2 | None = None
+    wish_age: float = float("inf")
     stopped: frozenset[str] = frozenset()
     may_drive: bool = True
 
@@ -184,6 +189,7 @@ class Need(Enum):
     SPEED = "velocity"
     SNAPSHOT = "all_positions"
     GOALS = "goal"
+    HAND = "drive"
 
 
 class Deployment(NamedTuple):

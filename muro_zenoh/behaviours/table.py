@@ -53,6 +53,15 @@ def find(name: str) -> BehaviourKind | OwnBehaviour:
         return _own(name)
     if name not in names():
         raise BehaviourError(f"got {name!r}, expected one of {', '.join(names())}, or your own as module:function")
+    return built_in(name)
+
+
+def built_in(name: str) -> BehaviourKind:
+    """The row of a built-in behaviour.
+
+    Args:
+        name: of the behaviour, one of :func:`names`.
+    """
     kind: BehaviourKind = importlib.import_module(f"{behaviours.__name__}.{name}").BEHAVIOUR
     return kind
 

@@ -28,6 +28,8 @@ class Role(StrEnum):
     SIMULATOR = "simulator"
     OPERATOR = "operator"
     """Operators' tools, and a lab's own programs."""
+    SUPERVISOR = "supervisor"
+    """A run, which has started the other processes, and breaks them where a scenario or an operator wants it."""
 
 
 ALL_ROLES: Final = frozenset(Role)

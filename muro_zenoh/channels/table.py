@@ -21,7 +21,7 @@ CAMERA = Channel(
     word="camera",
     kind=m.Frame,
     writers=(Party(Role.CAMERA),),
-    readers=(VISION,),
+    readers=(VISION, OPERATOR),
     delivery="newest",
     rate=20.0,
     pacing="or as the camera's settings say",
@@ -97,6 +97,17 @@ VELOCITY = Channel(
     stale_after=0.5,
     ros="velocity",
     note="from the robot's behaviour, or from a lab's own program in its place",
+)
+DRIVE = Channel(
+    word="drive",
+    kind=m.DriveWish,
+    writers=(OPERATOR,),
+    readers=(CONTROL,),
+    delivery="newest",
+    pacing="20 Hz while a hand is on the stick; then once, with zeros",
+    stale_after=0.2,
+    priority=Priority.HIGH,
+    note="followed by robots whose behaviour is manual",
 )
 CMD_VEL = Channel(
     word="cmd_vel",
@@ -202,7 +213,7 @@ LEASE = Channel(
     word="lease",
     kind=m.LeaseState,
     writers=(KEPT,),
-    readers=(CONTROL,),
+    readers=(CONTROL, OPERATOR),
     delivery="kept",
     rate=2.0,
     pacing="and on change",
@@ -220,6 +231,16 @@ TRUTH = Channel(
     note="for score sheets, and for simulated cameras in processes of their own; no other task may read it",
 )
 
+FAULTS = Channel(
+    word="faults",
+    kind=m.FaultList,
+    writers=(Party(Role.SUPERVISOR),),
+    readers=(OPERATOR,),
+    delivery="kept",
+    named="",
+    note="what a run breaks, as rows of its scenario",
+)
+
 SET_CIRCLE = Verb("set_circle", m.SetCircle)
 SET_BEHAVIOUR = Verb("set_behaviour", m.SetBehaviour)
 STOP_ORDER = Verb("stop", m.Stop, at_any_age=True)
@@ -230,6 +251,8 @@ TIME = Verb(
     "time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR), at_any_age=True
 )
 BASE_TIME = Verb("base_time", m.AskTime, named="robot", answered_by=Role.BASE, asked_by=(Role.AGENT,), at_any_age=True)
+BREAK = Verb("break", m.Break, answered_by=Role.SUPERVISOR)
+BEFALL = Verb("befall", m.Break, answered_by=Role.SIMULATOR, asked_by=(Role.SUPERVISOR,))
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))

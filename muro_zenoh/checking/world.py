@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import math
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -20,27 +18,6 @@ _PERIOD: Final = 0.02
 
 _COLUMNS: Final = 7
 """Of a record: x y theta, v omega, commanded v omega."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Hand:
-    """Carries a robot: from a pose, by a distance, between two times."""
-
-    start: tuple[float, float, float]
-    by: tuple[float, float, float]
-    begin: float
-    end: float
-
-    def at(self, now: float) -> tuple[float, float, float]:
-        part = min(max((now - self.begin) / (self.end - self.begin), 0.0), 1.0)
-        x, y, theta = (value + part * change for value, change in zip(self.start, self.by, strict=True))
-        return x, y, theta
-
-    @property
-    def twist(self) -> tuple[float, float]:
-        dx, dy, turn = self.by
-        lasts = self.end - self.begin
-        return math.hypot(dx, dy) / lasts, turn / lasts
 
 
 class World(Floor):
@@ -65,50 +42,11 @@ class World(Floor):
         self.jammed: Counter[int] = Counter()
         self.jammed_for: defaultdict[int, float] = defaultdict(float)
         self.driven: list[tuple[int, tuple[float, float]]] = []
-        self._begun = clock.now()
-        self._hands: dict[int, Hand] = {}
         self._records: list[Array] = []
         self._block: Array = np.empty((0, len(plant), _COLUMNS))
         self._filled = 0
 
     # ---- what befalls the bodies
-
-    @property
-    def elapsed(self) -> float:
-        """Time since the start [s]."""
-        return self._time - self._begun
-
-    def carry(self, row: int, by: tuple[float, float, float], lasts: float) -> Hand:
-        """Carry a robot from now on.
-
-        Args:
-            row: which.
-            by: how far: x [m], y [m], theta [rad].
-            lasts: how long it takes [s].
-
-        Returns:
-            For :meth:`set_down`.
-        """
-        self.catch_up()
-        x, y, theta = self.plant.pose[row].tolist()
-        hand = self._hands[row] = Hand((x, y, theta), by, self.elapsed, self.elapsed + lasts)
-        return hand
-
-    def set_down(self, row: int, hand: Hand) -> float:
-        """End carrying a robot.
-
-        Args:
-            row: which.
-            hand: what carries it; another one may have taken it meanwhile.
-
-        Returns:
-            How far it is from where it was taken [m].
-        """
-        self.catch_up()
-        if self._hands.get(row) is hand:
-            del self._hands[row]
-        x, y, _ = self.plant.pose[row].tolist()
-        return math.hypot(x - hand.start[0], y - hand.start[1])
 
     def _stop_old(self) -> None:
         old = self._time - self._given > self._watchdog
@@ -127,9 +65,7 @@ class World(Floor):
                 self.jammed_for[row] += STEP if effective[row].any() else 0.0
                 effective[row] = 0.0
                 self.plant.jam(row)
-        self.plant.step(effective, STEP)
-        for row, hand in self._hands.items():
-            self.plant.place(row, *hand.at(self.elapsed + STEP))
+        self._advance(effective)
         self._record()
 
     async def run(self) -> None:

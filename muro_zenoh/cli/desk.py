@@ -7,9 +7,9 @@ import math
 from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
-from muro_zenoh.cli.receipt import receipt_lines, reply_line
 from muro_zenoh.errors import MuroError
 from muro_zenoh.orders.stop import resume_robots, send_stop, stop_robots
+from muro_zenoh.orders.wording import receipt_lines, reply_line
 from muro_zenoh.transport import Bus
 
 HELP: Final = "space: stop every robot   r, then y: resume   Ctrl-C: end the run"

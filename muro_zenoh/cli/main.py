@@ -8,7 +8,7 @@ from muro_zenoh import __version__
 from muro_zenoh.cli.group import MuroGroup
 from muro_zenoh.cli.options import example
 
-PROCESSES = ("agent", "base", "basestation", "camera", "sim", "router")
+PROCESSES = ("agent", "base", "basestation", "page", "camera", "sim", "router")
 COMMANDS = {
     "run": "muro_zenoh.cli.run:run",
     **{name: f"muro_zenoh.cli.processes:{name}" for name in PROCESSES},

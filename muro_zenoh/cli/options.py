@@ -71,6 +71,27 @@ def bus_options(command: F) -> F:
     return with_bus  # type: ignore[return-value]  # called by click with the options' values
 
 
+def web_options(command: F) -> F:
+    """``--web`` and ``--no-web``. The command receives ``web``: an address, None for the default one, or ``off``.
+
+    Args:
+        command: the function under the click decorators.
+    """
+
+    @click.option("--no-web", is_flag=True, help="No page.")
+    @click.option(
+        "--web",
+        metavar="HOST:PORT",
+        envvar="MURO_WEB",
+        help="Serve the page here; from other machines only with its token.  [default: 127.0.0.1:8010]",
+    )
+    @functools.wraps(command)
+    def with_web(*args: Any, web: str | None, no_web: bool, **kwargs: Any) -> Any:
+        return command(*args, web="off" if no_web else web, **kwargs)
+
+    return with_web  # type: ignore[return-value]  # called by click with the options' values
+
+
 def override_bus(base: BusSettings | None, flags: dict[str, Any]) -> BusSettings:
     """Bus settings, overridden by flags.
 

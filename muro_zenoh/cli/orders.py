@@ -49,8 +49,8 @@ def stop(names: tuple[str, ...], as_json: bool, bus: BusFlags) -> None:
     on the floor, has latched it and stands still. A robot that was switched off is on the floor until it is carried
     away and cleared.
     """
-    from muro_zenoh.cli.receipt import receipt_json, receipt_lines
     from muro_zenoh.orders.stop import stop_robots
+    from muro_zenoh.orders.wording import receipt_json, receipt_lines
 
     settings = bus()
 
@@ -205,7 +205,7 @@ def set_behaviour(name: str, parameters: tuple[str, ...], robots: tuple[str, ...
 
 
 def _print_reply(reply: Reply) -> None:
-    from muro_zenoh.cli.receipt import reply_line
+    from muro_zenoh.orders.wording import reply_line
 
     click.echo(reply_line(reply))
 

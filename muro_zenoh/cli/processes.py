@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from muro_zenoh.cli.options import BusFlags, bus_options, example
+from muro_zenoh.cli.options import BusFlags, bus_options, example, web_options
 
 if TYPE_CHECKING:
+    from basestation.dashboard.offer import Offer
     from basestation.sources.source import FrameSource
-    from muro_zenoh.config import Scenario
+    from muro_zenoh.config import BusSettings, Scenario
 
 
 def _scenario(file: str, bus: BusFlags) -> Scenario:
@@ -67,13 +69,61 @@ def base(file: str, name: str, bus: BusFlags) -> None:
     metavar="FILE",
     help="File for the kept state: circle, behaviours and stop.",
 )
+@click.option(
+    "--tokens",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="File with the tokens of the page.  [default: beside the kept state]",
+)
+@web_options
 @bus_options
-def basestation(file: str, state: Path, bus: BusFlags) -> None:
-    """Run the base station of a fleet or scenario FILE: cameras to poses, and the kept state."""
+def basestation(file: str, state: Path, tokens: Path | None, web: str | None, bus: BusFlags) -> None:
+    """Run the base station of a fleet or scenario FILE: cameras to poses, the kept state, and the page."""
     scenario = _scenario(file, bus)
+    from basestation.dashboard.offer import offer, tokens_beside
     from basestation.station import run_basestation
 
-    _run(lambda: run_basestation(scenario, state), "basestation")
+    page: tuple[str, ...] = ()
+    if web != "off":
+        offered = offer(web, tokens or tokens_beside(state))
+        if isinstance(offered, str):
+            click.echo(offered)
+        else:
+            if tokens is None:  # otherwise the one who chose the file has said where the page is
+                click.echo("\n".join(offered.lines))
+            page = page_command(file, offered, scenario.bus)
+    _run(lambda: run_basestation(scenario, state, page), "basestation")
+
+
+def page_command(file: str, offered: Offer, bus: BusSettings) -> tuple[str, ...]:
+    """The command line of the page's process.
+
+    Args:
+        file: of the scenario.
+        offered: where it is served.
+        bus: of the base station; the page's process is a client where that one is.
+    """
+    from muro_zenoh.supervision.launch import muro_command
+
+    listens = tuple(re.sub(r"(?<=/)(0\.0\.0\.0|\[::\])(?=:)", "127.0.0.1", endpoint) for endpoint in bus.listen)
+    connect = bus.connect if bus.mode == "client" or not listens else listens
+    flags = ["--mode", "client", *(part for endpoint in connect for part in ("--connect", endpoint))]
+    return muro_command("page", file, *offered.options, "--realm", bus.realm, *flags)
+
+
+@click.command(hidden=True, epilog=example("muro page lab.toml --web 127.0.0.1:8010 --tokens page-tokens.json"))
+@click.argument("file")
+@click.option("--web", metavar="HOST:PORT", required=True, help="Where to serve it.")
+@click.option("--tokens", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE")
+@bus_options
+def page(file: str, web: str, tokens: Path, bus: BusFlags) -> None:
+    """Serve the page of a fleet or scenario FILE, as the base station has it done."""
+    scenario = _scenario(file, bus)
+    from basestation.dashboard.access import address_of, tokens_in
+    from basestation.dashboard.process import run_dashboard
+
+    address, keys = address_of(web), tokens_in(tokens)
+    _run(lambda: run_dashboard(scenario, address, keys), "page")
 
 
 @click.command(

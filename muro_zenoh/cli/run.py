@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from muro_zenoh.cli.options import assignments, example
+from muro_zenoh.cli.options import assignments, example, web_options
 from muro_zenoh.errors import ConfigError
 
 
@@ -54,6 +54,7 @@ from muro_zenoh.errors import ConfigError
     metavar="ENDPOINT",
     help="Use the router at ENDPOINT instead of starting one, and the processes of the fleet that are there.",
 )
+@web_options
 def run(
     scenario: str,
     robots: int | None,
@@ -63,6 +64,7 @@ def run(
     report: Path | None,
     settings: tuple[str, ...],
     connect: str | None,
+    web: str | None,
 ) -> None:
     """Run a fleet on this machine: a built-in SCENARIO such as pursuit, circle or hold, or a TOML file.
 
@@ -75,13 +77,14 @@ def run(
     behaviour failed or ended early, or when a process could not be kept alive; 2 for invalid settings; 130 when it was
     interrupted.
     """
+    from basestation.dashboard.offer import Offer, offer
     from muro_zenoh.cli.live import PlainScreen, TableScreen
     from muro_zenoh.cli.options import override_bus
     from muro_zenoh.cli.summary import summary
     from muro_zenoh.config import find_scenario
     from muro_zenoh.runtime.process import run_process
     from muro_zenoh.supervision.fault_targets import check_faults
-    from muro_zenoh.supervision.folder import REPORT, make_run_folder, write_report
+    from muro_zenoh.supervision.folder import REPORT, TOKENS, make_run_folder, write_report
     from muro_zenoh.supervision.preflight import check_can_run, check_own_packages
     from muro_zenoh.supervision.run import RunSettings, Screen, run_fleet
 
@@ -100,10 +103,11 @@ def run(
             "--report", got=f"{report}, whose folder cannot be written to", expected="a file that can be written"
         )
     folder = make_run_folder(resolved.name)
+    page: Offer | str = "" if web == "off" else offer(web, folder / TOKENS)
     screen: Screen = PlainScreen() if headless or not sys.stdout.isatty() else TableScreen()
 
     async def run_and_report() -> int:
-        result = await run_fleet(RunSettings(resolved, folder, seed, connect), screen)
+        result = await run_fleet(RunSettings(resolved, folder, seed, connect, page), screen)
         if result.sheet is not None:
             if report is not None:
                 write_report(result.sheet, report)

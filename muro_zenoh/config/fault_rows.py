@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -9,7 +10,9 @@ from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.faults import KINDS, Fault, Place
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.reading import check_choice, read_section, read_table
+from muro_zenoh.config.sections import Scenario
 from muro_zenoh.errors import ConfigError
+from muro_zenoh.messages import Break
 
 
 def read_faults(
@@ -46,11 +49,18 @@ def _read(row: object, origin: Origin, path: str, robots: Collection[str], camer
     table: dict[str, Any] = dict(read_table(row, origin, path))
     kind = check_choice(table.pop("kind", None), tuple(KINDS), origin, f"{path}.kind")
     fault = read_section(KINDS[kind], table, origin, path)
-    check_choice(fault.target, _targets(fault.places, robots, cameras), origin, f"{path}.target")
+    check_choice(fault.target, targets(fault.places, robots, cameras), origin, f"{path}.target")
     return fault
 
 
-def _targets(places: Collection[Place], robots: Collection[str], cameras: Collection[str]) -> tuple[str, ...]:
+def targets(places: Collection[Place], robots: Collection[str], cameras: Collection[str]) -> tuple[str, ...]:
+    """The targets that a fault can have.
+
+    Args:
+        places: what it can befall.
+        robots: the names of the robots.
+        cameras: the names of the cameras.
+    """
     names = {
         Place.ROBOT: tuple(robots),
         Place.AGENT: tuple(f"{name}/agent" for name in robots),
@@ -58,3 +68,21 @@ def _targets(places: Collection[Place], robots: Collection[str], cameras: Collec
         Place.CAMERA: tuple(f"camera/{name}" for name in cameras),
     }
     return tuple(target for place in places for target in names.get(place, (str(place),)))
+
+
+def fault_of(order: Break, scenario: Scenario, at: float = 0.0) -> Fault:
+    """The fault that is ordered.
+
+    Args:
+        order: the order.
+        scenario: its robots and cameras.
+        at: when it begins, from the start of the run [s].
+
+    Raises:
+        ConfigError: an unknown kind, a wrong number, or a target that there is not.
+    """
+    row = {**order.numbers, "kind": order.fault, "target": order.target, "at": at}
+    if order.duration is not None:
+        row["duration"] = order.duration
+    (fault,) = read_faults([row], math.inf, Origin(""), scenario.robots, tuple(scenario.camera))
+    return fault

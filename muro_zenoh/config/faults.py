@@ -319,3 +319,9 @@ KINDS: Final[Mapping[str, type[Fault]]] = {
     )
 }
 """The kinds by name."""
+
+OF_THE_ROOM: Final = ("carry", "camera_dropout")
+"""The kinds that a simulator applies to the room that it stands in for."""
+
+RUN_KINDS: Final = ("crash", "restart", "freeze", "delay", "jitter", "stall", "partition", *OF_THE_ROOM)
+"""The kinds that `muro run` applies."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
+from muro_zenoh.config.faults import KINDS, Fault
 from muro_zenoh.config.scenario import as_table
 from muro_zenoh.config.sections import CameraSettings, RobotSettings, Scenario
 
@@ -30,6 +31,20 @@ def as_toml(scenario: Scenario) -> str:
         if key not in ("robot", "camera") and table[key] == defaults.get(key):
             del table[key]
     return "\n".join(_lines("", table)).strip() + "\n"
+
+
+def faults_as_toml(faults: Sequence[Fault]) -> str:
+    """Faults as rows ``[[fault]]`` of a scenario's file.
+
+    Args:
+        faults: the faults.
+    """
+    defaults = {field.name: field.default for kind in KINDS.values() for field in msgspec.structs.fields(kind)}
+    rows = [
+        {key: value for key, value in msgspec.to_builtins(fault).items() if key == "kind" or value != defaults[key]}
+        for fault in faults
+    ]
+    return "\n".join(_lines("", {"fault": rows})).strip() + "\n" if rows else ""
 
 
 def _lines(path: str, table: Mapping[str, Any]) -> Iterator[str]:

@@ -143,6 +143,30 @@ class Clear(Order, frozen=True, kw_only=True):
     name: Name
 
 
+class Break(Message, frozen=True, kw_only=True):
+    """An order to a run, and from it to the simulator: let a fault happen now, as a row ``[[fault]]`` of a scenario.
+
+    Attributes:
+        fault: the kind of fault.
+        target: what it befalls.
+        duration: how long it lasts [s]; nil for the rest of the run.
+        numbers: its other numbers.
+    """
+
+    fault: Text
+    target: Text
+    duration: float | None = None
+    numbers: dict[str, Value] = field(default_factory=dict)
+
+
+class FaultList(Message, frozen=True, kw_only=True):
+    """What a run has broken on an operator's order: ``rows`` is the text for its scenario's file; ``lasting`` are those
+    that last now, in words, with those of the scenario itself."""
+
+    rows: str = ""
+    lasting: tuple[str, ...] = ()
+
+
 class AskTime(Message, frozen=True, kw_only=True):
     """A question to the base station, or an agent's to its base, whose four time stamps measure the asker's clock
     (``stamp`` is the first, the Reply has the next two). ``offset``: what the asker has to add to its clock to have the

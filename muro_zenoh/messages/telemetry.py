@@ -119,6 +119,15 @@ class SpeedReference(Message, frozen=True, kw_only=True):
     operator: Text = ""
 
 
+class DriveWish(Message, frozen=True, kw_only=True):
+    """How a hand at a stick wants a robot to drive: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise.
+    ``operator``: whose hand it is."""
+
+    v: float
+    omega: float
+    operator: Text = ""
+
+
 class VelocityCommand(Message, frozen=True, kw_only=True):
     """A command to the wheels: ``v`` [m/s] forwards, ``omega`` [rad/s] counter-clockwise, after calibration."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Mapping
+from contextlib import closing
 from typing import Final, NamedTuple
 
 from muro_zenoh import channels
@@ -37,18 +38,17 @@ async def set_behaviour(bus: Bus, order: SetBehaviour) -> BehaviourResult:
     Raises:
         NoReply: the base station did not answer in time.
     """
-    # Before the order, so that no report is missed.
-    reports = bus.every(channels.HEALTH, "*", depth=256)
-    reply = await bus.ask(channels.SET_BEHAVIOUR, order)
-    refusals: dict[str, str] = {}
-    if not reply.accepted:
+    with closing(bus.every(channels.HEALTH, "*", depth=256)) as reports:  # before the order, so that none is missed
+        reply = await bus.ask(channels.SET_BEHAVIOUR, order)
+        refusals: dict[str, str] = {}
+        if not reply.accepted:
+            return BehaviourResult(reply, refusals)
+        failed = f"behaviour {order.behaviour}:"
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_REFUSAL_TIMEOUT):
+                async for report in reports:
+                    health = report.message
+                    # An older report, which is kept, may be about the failure of an earlier order.
+                    if health.behaviour_revision >= reply.revision and health.failure.startswith(failed):
+                        refusals.setdefault(report.name, health.failure)
         return BehaviourResult(reply, refusals)
-    failed = f"behaviour {order.behaviour}:"
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(_REFUSAL_TIMEOUT):
-            async for report in reports:
-                health = report.message
-                # An older report, which is kept, may be about the failure of an earlier order.
-                if health.behaviour_revision >= reply.revision and health.failure.startswith(failed):
-                    refusals.setdefault(report.name, health.failure)
-    return BehaviourResult(reply, refusals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from typing import Final
 
 from muro_zenoh import channels
@@ -30,18 +31,19 @@ async def send_goal(bus: Bus, name: str, goal: Goal) -> Reply:
     Raises:
         NoReply: the robot is not alive, or did not answer.
     """
-    roster = bus.roster()
-    behaviours = bus.latest(channels.BEHAVIOUR, name)
-    health = bus.latest(channels.HEALTH, name)
-    await until(lambda: name in roster.of("agent"), _ALIVE_TIMEOUT)
-    if name not in roster.of("agent"):
-        alive = ", ".join(sorted(roster.of("agent"))) or "none"
-        raise NoReply(f"{name} is not alive; the robots that are: {alive}")
-    try:
-        return await bus.ask(channels.GOAL_ORDER, goal, name=name, timeout=_ANSWER_TIMEOUT)
-    except NoReply as error:
-        kept, report = behaviours.get(), health.get()
-        runs = f"runs the behaviour {kept.message.behaviour}" if kept is not None else "has no behaviour yet"
-        if report is not None and report.message.reasons:
-            runs += f" and stands still ({', '.join(report.message.reasons)})"
-        raise NoReply(f"{error} {name} is alive, {runs}.") from None
+    with ExitStack() as stack:
+        roster = stack.enter_context(closing(bus.roster()))
+        behaviours = stack.enter_context(closing(bus.latest(channels.BEHAVIOUR, name)))
+        health = stack.enter_context(closing(bus.latest(channels.HEALTH, name)))
+        await until(lambda: name in roster.of("agent"), _ALIVE_TIMEOUT)
+        if name not in roster.of("agent"):
+            alive = ", ".join(sorted(roster.of("agent"))) or "none"
+            raise NoReply(f"{name} is not alive; the robots that are: {alive}")
+        try:
+            return await bus.ask(channels.GOAL_ORDER, goal, name=name, timeout=_ANSWER_TIMEOUT)
+        except NoReply as error:
+            kept, report = behaviours.get(), health.get()
+            runs = f"runs the behaviour {kept.message.behaviour}" if kept is not None else "has no behaviour yet"
+            if report is not None and report.message.reasons:
+                runs += f" and stands still ({', '.join(report.message.reasons)})"
+            raise NoReply(f"{error} {name} is alive, {runs}.") from None

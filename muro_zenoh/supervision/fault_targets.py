@@ -7,11 +7,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from muro_zenoh.config import Scenario
-from muro_zenoh.config.faults import Fault, LinkFault, Place
+from muro_zenoh.config.faults import OF_THE_ROOM, RUN_KINDS, CameraDropoutFault, Fault, LinkFault, Place
 from muro_zenoh.errors import ConfigError
-
-KINDS: Final = ("crash", "restart", "freeze", "delay", "jitter", "stall", "partition")
-"""The kinds of faults that `muro run` applies."""
 
 _TCP: Final = "the link is a TCP connection, which loses, duplicates and reorders nothing"
 _CLOCK: Final = "all processes have the clock of this machine"
@@ -40,7 +37,9 @@ def cameras_apart(scenario: Scenario) -> bool:
     Args:
         scenario: the scenario.
     """
-    return any(fault.place in (Place.CAMERA, Place.CAMERAS) for fault in scenario.faults)
+    return any(
+        fault.place in (Place.CAMERA, Place.CAMERAS) and fault.kind not in OF_THE_ROOM for fault in scenario.faults
+    )
 
 
 def befallen(fault: Fault, scenario: Scenario) -> tuple[str, ...]:
@@ -84,24 +83,53 @@ def check_faults(scenario: Scenario, file: str, connect: str | None = None) -> N
         ConfigError: the first such fault, with the reason.
     """
     for number, fault in enumerate(scenario.faults):
-        where = f"{file}: fault[{number}]"
-        if fault.kind not in KINDS:
-            reason = _IMPOSSIBLE.get(fault.kind, "it can only be simulated")
-            raise ConfigError(
-                f"{where}.kind",
-                got=f"{fault.kind!r}, which cannot befall processes: {reason}",
-                expected=f"one of {', '.join(KINDS)} in `muro run`",
-                hint=_CHECK,
-            )
-        if fault.place in (Place.ROBOT, Place.BASE):
-            raise ConfigError(
-                f"{where}.target",
-                got=f"{fault.target!r}, but one simulator runs the bases of all robots",
-                expected=f"'{fault.robot}/agent' in `muro run`",
-                hint=_CHECK,
-            )
-        if connect is not None:
-            _check_router(fault, where, connect)
+        check_fault(fault, scenario, f"{file}: fault[{number}]", connect)
+
+
+def check_fault(fault: Fault, scenario: Scenario, where: str, connect: str | None = None) -> None:
+    """Refuse a fault that cannot befall a run on this machine.
+
+    Args:
+        fault: the fault.
+        scenario: the scenario.
+        where: where it is written, for errors.
+        connect: endpoint of a running router; None when the run has its own.
+
+    Raises:
+        ConfigError: it cannot, with the reason.
+    """
+    if fault.kind not in RUN_KINDS:
+        reason = _IMPOSSIBLE.get(fault.kind, "it can only be simulated")
+        raise ConfigError(
+            f"{where}.kind",
+            got=f"{fault.kind!r}, which cannot befall processes: {reason}",
+            expected=f"one of {', '.join(RUN_KINDS)} in `muro run`",
+            hint=_CHECK,
+        )
+    if fault.kind in OF_THE_ROOM:
+        _check_room(fault, scenario, where)
+    elif fault.place in (Place.ROBOT, Place.BASE):
+        raise ConfigError(
+            f"{where}.target",
+            got=f"{fault.target!r}, but one simulator runs the bases of all robots",
+            expected=f"'{fault.robot}/agent' in `muro run`",
+            hint=_CHECK,
+        )
+    elif connect is not None:
+        _check_router(fault, where, connect)
+
+
+def _check_room(fault: Fault, scenario: Scenario, where: str) -> None:
+    """A robot is hidden from cameras by nobody, and a camera with a process of its own is not in the simulator."""
+    if isinstance(fault, CameraDropoutFault) and fault.robot:
+        raise ConfigError(f"{where}.target", got=repr(fault.target), expected="a camera in `muro run`", hint=_CHECK)
+    if isinstance(fault, CameraDropoutFault) and cameras_apart(scenario):
+        raise ConfigError(
+            f"{where}.kind",
+            got=f"{fault.kind!r} beside a fault of a camera's process",
+            expected="only one of the two in a run",
+            hint="Freeze the camera's process: it gives no pictures either.",
+        )
 
 
 def _check_router(fault: Fault, where: str, connect: str) -> None:

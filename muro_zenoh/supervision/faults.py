@@ -5,16 +5,30 @@ from __future__ import annotations
 import asyncio
 import math
 import signal
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import AsyncExitStack
+from dataclasses import replace
 from types import TracebackType
 
+import msgspec
+
 from muro_zenoh.config import Scenario
-from muro_zenoh.config.faults import DelayFault, Fault, JitterFault, LinkFault, PartitionFault, Place, StallFault
+from muro_zenoh.config.faults import (
+    OF_THE_ROOM,
+    DelayFault,
+    Fault,
+    JitterFault,
+    LinkFault,
+    PartitionFault,
+    Place,
+    StallFault,
+)
+from muro_zenoh.errors import MuroError, OrderRefused
+from muro_zenoh.orders.stop import until
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.scoring.observed import FaultSeen
 from muro_zenoh.supervision.child import Child
-from muro_zenoh.supervision.fault_targets import befallen, relayed
+from muro_zenoh.supervision.fault_targets import befallen, check_fault, relayed
 from muro_zenoh.supervision.relay import Conditions, Passage, Relay
 
 
@@ -28,6 +42,8 @@ class Links:
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self._scenario = scenario
+        self._seed = seed
+        self._router: tuple[str, int] | None = None
         self._relays = {name: Relay(seed + index) for index, name in enumerate(relayed(scenario))}
         self._stack = AsyncExitStack()
 
@@ -43,8 +59,31 @@ class Links:
             endpoint: the router's: ``tcp/HOST:PORT``.
         """
         host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+        self._router = host, int(port)
         for relay in self._relays.values():
-            relay.lead_to(host, int(port))
+            relay.lead_to(*self._router)
+
+    async def add(self, name: str) -> str | None:
+        """Put a relay into the link of a process that has none.
+
+        Args:
+            name: of the process.
+
+        Returns:
+            Where it has to connect from now on; None when it has a relay.
+
+        Raises:
+            OrderRefused: no relay can lead to the router.
+        """
+        if name in self._relays:
+            return None
+        if self._router is None:
+            raise OrderRefused("the router of this run is not at an endpoint tcp/HOST:PORT that a relay could lead to")
+        relay = Relay(self._seed + len(self._relays))
+        relay.lead_to(*self._router)
+        await self._stack.enter_async_context(relay)
+        self._relays[name] = relay
+        return relay.endpoint
 
     def befall(self, faults: Collection[Fault]) -> None:
         """Set the state of every link.
@@ -92,8 +131,14 @@ def conditions(faults: Collection[LinkFault], direction: str) -> Conditions:
     return Conditions(delay, jitter, passage)
 
 
+_RESTART_TIMEOUT = 5.0
+
+Room = Callable[[Fault], Awaitable[None]]
+"""Lets a fault happen in the simulated room; raises a MuroError when it cannot."""
+
+
 class Faults:
-    """The faults of a run.
+    """The faults of a run: those of its scenario, and those that an operator orders while it lasts.
 
     Args:
         scenario: the scenario.
@@ -101,6 +146,8 @@ class Faults:
         children: the current children by name, the router's among them.
         clock: for the times of the report.
         notify: called with a line for the operator when a fault begins and ends.
+        room: lets the faults happen that the simulator applies.
+        changed: called when one begins or ends.
     """
 
     def __init__(
@@ -110,7 +157,14 @@ class Faults:
         children: Callable[[], Mapping[str, Child]],
         clock: Clock,
         notify: Callable[[str], None],
+        room: Room | None = None,
+        changed: Callable[[], None] = lambda: None,
     ) -> None:
+        self._room = room
+        self._changed = changed
+        self._begin = 0.0
+        self._ordered: dict[int, Fault] = {}
+        self._under_way: set[asyncio.Task[None]] = set()
         self._scenario = scenario
         self._links = links
         self._children = children
@@ -135,28 +189,109 @@ class Faults:
         Args:
             begin: when the run began, in the loop's time [s].
         """
+        self._begin = begin
         async with asyncio.TaskGroup() as tasks:
             for number, fault in enumerate(self._scenario.faults):
                 tasks.create_task(self._befall(number, fault, begin), name=f"fault {number}")
 
-    async def _befall(self, number: int, fault: Fault, begin: float) -> None:
+    async def close(self) -> None:
+        """Let no fault that was ordered begin or end any more; the run is over."""
+        for task in self._under_way:
+            task.cancel()
+        if self._under_way:
+            await asyncio.wait(self._under_way)
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the run began [s]."""
+        return asyncio.get_running_loop().time() - self._begin
+
+    @property
+    def ordered(self) -> tuple[Fault, ...]:
+        """What an operator has ordered so far, as rows of the scenario."""
+        return tuple(self._ordered.values())
+
+    async def let_happen(self, fault: Fault) -> str:
+        """Let a fault happen that an operator orders.
+
+        Args:
+            fault: which; its ``at`` is now.
+
+        Returns:
+            What had to be done for it besides; empty for nothing.
+
+        Raises:
+            ConfigError: it cannot befall a process on this machine.
+            OrderRefused: it cannot happen now.
+        """
+        check_fault(fault, self._scenario, "fault")
+        missing = [name for name in befallen(fault, self._scenario) if name not in self._children()]
+        if fault.kind not in OF_THE_ROOM and missing:
+            raise OrderRefused(f"{fault.kind} {fault.target}: this run has no process {missing[0]}")
+        if self._room is not None and fault.kind in OF_THE_ROOM:
+            await self._room(fault)
+        note = ""
+        if isinstance(fault, LinkFault) and (note := await self._put_relays(fault)):
+            fault = msgspec.structs.replace(fault, at=round(self.elapsed, 2))
+        number = len(self._seen)
+        self._seen.append(FaultSeen(fault.kind, fault.target))
+        self._ordered[number] = fault
+        task = asyncio.create_task(self._befall(number, fault, self._begin, done=True), name=f"fault {number}")
+        self._under_way.add(task)
+        task.add_done_callback(self._under_way.discard)
+        return note
+
+    async def _put_relays(self, fault: Fault) -> str:
+        """An agent that connects to the router itself is started anew, so that it connects to a relay. To do that to
+        the base station, or to all, would be another fault than the one that is ordered."""
+        if fault.place is not Place.AGENT and not set(befallen(fault, self._scenario)) <= set(self._links.endpoints):
+            raise OrderRefused(
+                f"{fault.kind} {fault.target}: got a link without a relay, expected that of an agent, or one that the "
+                "scenario has a fault for"
+            )
+        restarted: dict[Child, int | None] = {}
+        for child in self._befallen(fault):
+            endpoint = await self._links.add(child.spec.name)
+            if endpoint is not None:
+                child.spec = replace(child.spec, command=(*child.spec.command, "--connect", endpoint))
+                restarted[child] = child.pid
+                child.terminate()
+        await until(lambda: all(c.ready.is_set() and c.pid != pid for c, pid in restarted.items()), _RESTART_TIMEOUT)
+        names = ", ".join(child.spec.name for child in restarted)
+        return f"{names} was started anew, to put a relay into its link" if restarted else ""
+
+    async def _befall(self, number: int, fault: Fault, begin: float, *, done: bool = False) -> None:
         loop = asyncio.get_running_loop()
         await asyncio.sleep(begin + fault.at - loop.time())
-        note = self._start(number, fault)
+        note = await self._try_in_room(fault) if fault.kind in OF_THE_ROOM and not done else ""
+        note = note or self._start(number, fault)
         # After the deed, which takes less than a millisecond: nothing that came later is put down to it.
         self._seen[number] = FaultSeen(fault.kind, fault.target, loop.time() - begin, None, self._clock.now(), note)
         self._notify(f"fault: {described(fault)}{note and f': {note}'}")
+        self._changed()
         if fault.end < math.inf:
             await asyncio.sleep(begin + fault.end - loop.time())
             self._end(number, fault)
             self._seen[number] = self._seen[number]._replace(end=loop.time() - begin)
             self._notify(f"fault over: {described(fault)}")
+            self._changed()
+
+    async def _try_in_room(self, fault: Fault) -> str:
+        """Let a fault of the scenario happen in the room; returns why it did not."""
+        try:
+            if self._room is not None:
+                await self._room(fault)
+        except MuroError as error:
+            return str(error)
+        return ""
 
     def _start(self, number: int, fault: Fault) -> str:
         """Let a fault begin; returns why it had no effect."""
         self._lasting[number] = fault
         if isinstance(fault, LinkFault):
             self._links.befall(self._lasting.values())
+            return ""
+        if fault.kind in OF_THE_ROOM:
             return ""
         missing = []
         for child in self._befallen(fault):
@@ -176,6 +311,8 @@ class Faults:
         self._lasting.pop(number, None)
         if isinstance(fault, LinkFault):
             self._links.befall(self._lasting.values())
+            return
+        if fault.kind in OF_THE_ROOM:
             return
         for child in self._befallen(fault):
             if fault.kind == "freeze":

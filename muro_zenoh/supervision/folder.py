@@ -14,6 +14,12 @@ from muro_zenoh.scoring.sheet import ScoreSheet
 REPORT = "report.json"
 """The file of the score sheet in the folder of a run."""
 
+FAULTS = "faults.toml"
+"""The file of what an operator broke in a run, as rows of its scenario."""
+
+TOKENS = "page-tokens.json"
+"""The file of the tokens of the page."""
+
 _MAX_RUNS = 99
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from basestation.dashboard.offer import Offer
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import SupervisionError
 from muro_zenoh.supervision.child import Child, ChildSpec
@@ -58,7 +59,7 @@ def connected_to(scenario: Scenario, endpoint: str) -> Scenario:
 
 
 async def start_all(
-    supervisor: Supervisor, scenario: Scenario, seed: int, folder: Path, links: Links
+    supervisor: Supervisor, scenario: Scenario, seed: int, folder: Path, links: Links, page: Offer | str
 ) -> tuple[Scenario, asyncio.Task[list[Child]]]:
     """Start a router on the default port, or on a free one when that is taken, and all other processes.
 
@@ -70,6 +71,7 @@ async def start_all(
         seed: the simulator's seed.
         folder: of the run; the scenario is written there.
         links: the relays for links with faults.
+        page: what the base station serves; nothing when it is a text.
 
     Returns:
         The scenario with every process connected to the router, which is ready; and the task that ends when all other
@@ -86,7 +88,7 @@ async def start_all(
         # The router is started first, so that it is stopped last.
         routing = asyncio.create_task(supervisor.start([router_spec(file)]), name="start the router")
         others = asyncio.create_task(
-            supervisor.start(fleet_specs(connected, file, seed, folder, links.endpoints)), name="start the fleet"
+            supervisor.start(fleet_specs(connected, file, seed, folder, links.endpoints, page)), name="start the fleet"
         )
         try:
             await routing
@@ -117,7 +119,9 @@ def router_spec(file: Path) -> ChildSpec:
     return ChildSpec("router", muro_command("router", str(file)), environment)
 
 
-def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path, relays: Mapping[str, str]) -> list[ChildSpec]:
+def fleet_specs(
+    scenario: Scenario, file: Path, seed: int, folder: Path, relays: Mapping[str, str], page: Offer | str = ""
+) -> list[ChildSpec]:
     """All processes of a run except the router: simulator, base station, an agent per robot. When a fault befalls a
     camera, each camera is a process too.
 
@@ -127,6 +131,7 @@ def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path, relays:
         seed: the simulator's seed.
         folder: of the run.
         relays: where a process connects instead of to the router, by its name.
+        page: what the base station serves; nothing when it is a text.
     """
     environment = _environment()
     simulate = ("sim", str(file), "--seed", str(seed))
@@ -134,7 +139,10 @@ def fleet_specs(scenario: Scenario, file: Path, seed: int, folder: Path, relays:
     commands = {
         "simulator": (*simulate, "--bases") if apart else simulate,
         **({camera_process(name): (*simulate, "--camera", name) for name in scenario.camera} if apart else {}),
-        "basestation": ("basestation", str(file), "--state", str(folder / "state.json")),
+        "basestation": (
+            *("basestation", str(file), "--state", str(folder / "state.json")),
+            *(("--no-web",) if isinstance(page, str) else page.options),
+        ),
         **{name: ("agent", str(file), name) for name in scenario.robots},
     }
     for name, endpoint in relays.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, AsyncExitStack
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Protocol
 
+from basestation.dashboard.offer import Offer
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import INTERRUPTED, OrderRefused, SupervisionError
@@ -21,6 +23,7 @@ from muro_zenoh.scoring.score import score_run
 from muro_zenoh.scoring.sheet import ScoreSheet
 from muro_zenoh.scoring.view import View, view_of
 from muro_zenoh.supervision import joining, launch
+from muro_zenoh.supervision.breaking import Breaking
 from muro_zenoh.supervision.child import Child
 from muro_zenoh.supervision.faults import Faults, Links
 from muro_zenoh.supervision.folder import REPORT, write_event, write_report, write_scenario
@@ -45,12 +48,14 @@ class RunSettings:
         folder: of the run.
         seed: the simulator's seed.
         connect: endpoint of a running router, with the processes of the fleet that are there; None to start one.
+        page: what the base station serves; or why nothing, empty where nobody wants to know.
     """
 
     scenario: Scenario
     folder: Path
     seed: int = 1
     connect: str | None = None
+    page: Offer | str = ""
 
 
 class RunResult(NamedTuple):
@@ -136,7 +141,8 @@ class _Logged:
         self.operating = screen.operating
 
     def notify(self, text: str) -> None:
-        write_event(text, self._folder)
+        # The log may be read by others than the operator, and the token is his.
+        write_event(re.sub(r"(?<=#token=)\S+", "...", text), self._folder)
         self._screen.notify(text)
 
     def __enter__(self) -> Screen:
@@ -153,7 +159,9 @@ async def _run(settings: RunSettings, supervisor: Supervisor, links: Links, scre
     """From the first process to the end of the run; the supervisor stops the processes."""
     if settings.connect is not None:
         return await _run_on(settings.connect, settings, supervisor, links, screen)
-    scenario, starting = await launch.start_all(supervisor, settings.scenario, settings.seed, settings.folder, links)
+    scenario, starting = await launch.start_all(
+        supervisor, settings.scenario, settings.seed, settings.folder, links, settings.page
+    )
     endpoint = scenario.bus.connect[0]
     if endpoint != f"tcp/{launch.HOST}:{launch.PORT}":
         screen.notify(
@@ -161,7 +169,7 @@ async def _run(settings: RunSettings, supervisor: Supervisor, links: Links, scre
             f"connect to it with --connect {endpoint}"
         )
     try:
-        async with open_bus(scenario.bus, Role.OPERATOR) as bus:
+        async with open_bus(scenario.bus, Role.OPERATOR, Role.SUPERVISOR) as bus:
             return await _observe(settings, scenario, supervisor, links, screen, bus, starting, joining.NOBODY)
     finally:
         await _ended(starting)
@@ -172,16 +180,17 @@ async def _run_on(
 ) -> Observed:
     """A run on a router that is there, with the processes of its fleet that are there."""
     scenario, folder = launch.connected_to(settings.scenario, endpoint), settings.folder
-    async with open_bus(scenario.bus, Role.OPERATOR) as bus, AsyncExitStack() as stack:
+    async with open_bus(scenario.bus, Role.OPERATOR, Role.SUPERVISOR) as bus, AsyncExitStack() as stack:
         there = await joining.look(bus, scenario.robots)
         if there.basestation:  # before anything is started or ordered
             await stack.enter_async_context(_holding(bus, scenario, screen, patience=_PATIENCE))
             stack.push_async_callback(joining.leave, bus, there.robots)
         if there.processes:
             screen.notify(f"running already: {' '.join(sorted(there.processes))}")
-        if links.endpoints:
+        if re.fullmatch(r"tcp/[^/?#]+:\d+", endpoint) is not None:
             links.lead_to(endpoint)
-        specs = launch.fleet_specs(scenario, write_scenario(scenario, folder), settings.seed, folder, links.endpoints)
+        file = write_scenario(scenario, folder)
+        specs = launch.fleet_specs(scenario, file, settings.seed, folder, links.endpoints, settings.page)
         missing = [spec for spec in specs if spec.name not in there.processes]
         starting = asyncio.create_task(supervisor.start(missing), name="start the fleet")
         stack.push_async_callback(_ended, starting)
@@ -216,6 +225,9 @@ async def _observe(
             stack.enter_context(screen.operating(bus, screen.notify))
             await starting
             screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
+            if not there.basestation and settings.page:
+                page = settings.page
+                screen.notify(page if isinstance(page, str) else "\n".join(page.lines))
             if there.basestation:  # it keeps what was ordered before
                 await joining.order(bus, scenario)
             else:
@@ -224,7 +236,11 @@ async def _observe(
             def children() -> dict[str, Child]:
                 return {child.spec.name: child for child in supervisor.children}
 
-            faults = Faults(scenario, links, children, bus.clock, screen.notify)
+            breaking = Breaking(bus, scenario, settings.folder)
+            faults = Faults(
+                scenario, links, children, bus.clock, screen.notify, breaking.in_room, lambda: breaking.publish(faults)
+            )
+            stack.enter_context(breaking.on_order(faults))
             return await _watch(settings, supervisor, screen, collector, collecting, faults)
     finally:
         await _ended(collecting)
@@ -283,6 +299,7 @@ async def _watch(
         failing.cancel()
         befalling.cancel()
         await asyncio.wait({befalling})
+        await faults.close()
     elapsed = min(loop.time() - begin, scenario.duration)
     usage.note(processes())
     return collector.observed(

@@ -17,6 +17,7 @@ from contextlib import asynccontextmanager
 from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.runtime.usage import own_usage
 from muro_zenoh.transport.bus import Bus, draw_epoch, make_bus
 from muro_zenoh.transport.link import Closable
 from muro_zenoh.transport.local_link import with_local_link
@@ -65,5 +66,5 @@ async def open_bus(
     from muro_zenoh.transport.zenoh_link import ZenohLink
 
     link = await ZenohLink.open(settings)
-    async with make_bus(link, settings.realm, roles=(role, *more_roles), clock=clock) as bus:
+    async with make_bus(link, settings.realm, roles=(role, *more_roles), clock=clock, usage=own_usage) as bus:
         yield bus

@@ -57,6 +57,7 @@ class Bus:
         roles: of this process: what it may publish, ask, answer and announce.
         clock: for stamps and arrival times.
         epoch: this process's number; drawn at random for each bus, but where a run is to be repeated.
+        usage: gauges of the process that has this bus, for its health.
 
     Attributes:
         epoch: this process's number.
@@ -65,7 +66,15 @@ class Bus:
         clocks: other processes' clocks, as far as they were measured; mailboxes judge their messages by them.
     """
 
-    def __init__(self, link: Link, realm: str, roles: Iterable[Role], clock: Clock, epoch: int | None = None) -> None:
+    def __init__(
+        self,
+        link: Link,
+        realm: str,
+        roles: Iterable[Role],
+        clock: Clock,
+        epoch: int | None = None,
+        usage: Callable[[], dict[str, float]] = dict,
+    ) -> None:
         self.realm = check_realm(realm)
         self.roles = frozenset(roles)
         self.clock = clock
@@ -73,6 +82,7 @@ class Bus:
         self.counters: defaultdict[str, Counters] = defaultdict(Counters)
         self.operator = operator_name() if Role.OPERATOR in self.roles else ""
         self.clocks = KnownClocks()
+        self._usage = usage
         self._link = link
         self._loop = asyncio.get_running_loop()
         self._readers: dict[str, list[Inbox[Any]]] = {}
@@ -322,9 +332,10 @@ class Bus:
         return tap
 
     def numbers(self) -> dict[str, float]:
-        """The counters as gauges for a :class:`~muro_zenoh.messages.Health`; channels that were silent are left out."""
+        """The counters, and what the process uses, as gauges for a :class:`~muro_zenoh.messages.Health`; channels that
+        were silent are left out."""
         now = self.clock.now()
-        numbers: dict[str, float] = {}
+        numbers = self._usage()
         for word, c in self.counters.items():
             for what in ("received", "dropped", "rejected", "late", "unsent"):
                 if count := getattr(c, what):
@@ -379,6 +390,7 @@ def make_bus(
     roles: Iterable[Role] = ALL_ROLES,
     clock: Clock | None = None,
     epoch: int | None = None,
+    usage: Callable[[], dict[str, float]] = dict,
 ) -> Bus:
     """A bus over any link; for the in-memory one, and for tests.
 
@@ -388,5 +400,6 @@ def make_bus(
         roles: of the process; all of them by default, for tests that play every process.
         clock: for stamps and arrival times; the system's by default.
         epoch: the process's number; drawn at random by default.
+        usage: gauges of the process, for its health; none by default.
     """
-    return Bus(link, realm, roles, clock or SystemClock(), epoch)
+    return Bus(link, realm, roles, clock or SystemClock(), epoch, usage)

@@ -12,7 +12,7 @@ from muro_zenoh import channels
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Behaviour, BehaviourKind, Seen
 from muro_zenoh.config import RobotSettings, Scenario, make_behaviour, parse_scenario
-from muro_zenoh.geometry import STILL, Circle, State
+from muro_zenoh.geometry import STILL, Circle, State, Twist2
 from muro_zenoh.messages import PoseFix, StopOrder
 from muro_zenoh.simulation.rollout.behave import rows_of, snapshot_of
 from muro_zenoh.simulation.rollout.fleet import Fleet
@@ -86,7 +86,7 @@ def test_agent_and_rollout_give_the_same_commands(name: str) -> None:
         wanted = []
         assert fleet.filter is not None
         for k, (behaviour, now, then) in enumerate(zip(behaviours, states, rows_of(ahead), strict=True)):
-            around = Surroundings(CIRCLE, snapshot=snapshot, snapshot_age=0.0)
+            around = Surroundings(CIRCLE, snapshot=snapshot, snapshot_age=0.0, wish=Twist2(0.1, 0.2), wish_age=0.0)
             twist = behaviour.step(Seen(T0 + t, now, then, *around)).twist or STILL
             wanted.append(twist)
             v = min(max(twist.v / float(fleet.filter.mean.s_v[k]), -LOOP.v_max), LOOP.v_max)

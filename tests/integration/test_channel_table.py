@@ -76,7 +76,7 @@ class _Recording:
 
 
 class Fleet:
-    """The record of a fleet: in pursuit, on a circle, with a goal and in coverage, then stopped and resumed."""
+    """The record of a fleet: in pursuit, on a circle, by hand, to a goal and in coverage, then stopped and resumed."""
 
     def __init__(self) -> None:
         self.links: dict[str, RecordingLink] = {}
@@ -104,7 +104,7 @@ class Fleet:
                 before = self._written()
                 await asyncio.sleep(MEASURED)
                 self.rates = {key: (n - before[key]) / MEASURED for key, n in self._written().items()}
-                for name, behaviour in (("r1", "circle"), ("r1", "dubins"), ("r2", "coverage")):
+                for name, behaviour in (("r1", "circle"), ("r1", "manual"), ("r1", "dubins"), ("r2", "coverage")):
                     order = SetBehaviour(behaviour=behaviour, names=(name,))
                     assert (await operator.ask(channels.SET_BEHAVIOUR, order)).accepted
                     await asyncio.sleep(1.0)

@@ -204,6 +204,7 @@ def test_a_behaviour_is_named_in_its_own_file_only() -> None:
         "muro_zenoh/config": {"circle"},
         "muro_zenoh/cli": {"circle", "coverage"},
         "muro_zenoh/scoring": {"coverage"},
+        "basestation/dashboard": {"circle"},
         "muro_zenoh/checking/summary.py": {"coverage"},
         "muro_zenoh/checking/random_trial.py": set(table.names()),  # it draws their parameters
         "muro_zenoh/behaviours/interface.py": {"circle"},

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agents.master import Master, SpeedWriters
+from agents.master import Master, Writers
 from basestation.fleet.kept_state import KeptState
 from basestation.fleet.leases import Leases
 from basestation.fleet.state_store import StateStore
@@ -212,7 +212,7 @@ class Robot:
     network: MemoryNetwork
     clock: ManualClock
     master: Master
-    speeds: SpeedWriters
+    speeds: Writers[SpeedReference]
 
     def speed(self) -> float | None:
         """The velocity that is followed."""
@@ -236,7 +236,7 @@ async def robot() -> AsyncIterator[Robot]:
     network, clock = MemoryNetwork(), ManualClock()
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as other:
         master = Master(bus, "r1")
-        yield Robot(bus, other, network, clock, master, SpeedWriters(bus, "r1", master))
+        yield Robot(bus, other, network, clock, master, Writers(bus, channels.VELOCITY, "r1", master))
 
 
 async def test_the_first_writer_of_a_velocity_is_followed_for_as_long_as_it_is_fresh() -> None:

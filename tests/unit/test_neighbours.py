@@ -38,7 +38,9 @@ def seen_by_r1(
     """What r1 sees from the angle 0: the others by name, each at an angle and in a state, all at 0.2 m/s."""
     robots = tuple(RobotState(n, *at(angle), 0.2, 0.25, age, state) for n, (angle, state) in others.items())
     here = State(*at(0.0), 0.2, 0.25)
-    return Seen(now, here, here, CIRCLE, None, math.inf, Snapshot(robots, 0.0, 1, snapshot_age), snapshot_age, stopped)
+    return Seen(
+        now, here, here, CIRCLE, None, math.inf, Snapshot(robots, 0.0, 1, snapshot_age), snapshot_age, stopped=stopped
+    )
 
 
 def speed(seen: Seen) -> float:
