@@ -156,7 +156,8 @@ class Separation:
             velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues, clock)
         ux, uy = velocity
         rows = rows_of(x, y, near)
-        when, who = first_met(x, y, ux, uy, near)
+        parked = self._route.parked if target is not None and velocity != desired else ()
+        when, who = first_met(x, y, ux, uy, [other for other in near if other not in parked] if parked else near)
         is_free = when >= HORIZON and all(nx * ux + ny * uy <= bound for nx, ny, bound in rows)
         blocker = certificate.blocker(wanted) if is_free or who is None else ""  # else it gives way to that one anyhow
         if is_free and not blocker and velocity == desired and not patience.retreating:

@@ -7,16 +7,20 @@ from collections.abc import Iterator, Sequence
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.separation.gates import Gate, gate_ahead, gates_between, place_to_wait
-from muro_zenoh.safety.separation.guidance import Near
+from muro_zenoh.safety.separation.guidance import Near, is_busy
 from muro_zenoh.safety.separation.knowledge import WALL, Wall
-from muro_zenoh.safety.separation.line import Point
+from muro_zenoh.safety.separation.line import Point, nearest_on
 from muro_zenoh.safety.separation.planner import Planner, Segment
 
 _STANDS = 1.0
-"""A robot that has stood for this time looks for a way round [s] ..."""
+"""A robot that has stood for this time looks for a way round [s], and others look for one round it if it is parked ..."""
 _FOLLOWS = 3.0
 """... and follows it for this time [s]."""
 _PLAN_PERIOD = 1.0
+_STILL = 0.05
+"""A neighbour that is slower stands [m/s]."""
+_CLOSE = 0.02
+"""So much nearer to a parked neighbour than it should be is no detour [m]."""
 _LOOK_AHEAD = 0.5
 _AT_PLACE = 0.1
 _FACES = 0.3
@@ -40,8 +44,11 @@ class Route:
         self._search: Iterator[list[Point] | None] | None = None
         self._plan_again = self._follow_until = -math.inf
         self._gate: Gate | None = None
+        self._still_since: dict[str, float] = {}
         self.waits = False
         """Whether the robot lets others through a gate now."""
+        self.parked: list[Near] = []
+        """The neighbours that are parked: the way leads round them."""
 
     @property
     def passes(self) -> bool:
@@ -75,13 +82,14 @@ class Route:
             The velocity [m/s], no faster than the desired one.
         """
         self.waits = False
-        straight = self._planner.sees(here, target) and stood < _STANDS and now >= self._follow_until
+        self._notice_parked(now, near)
+        straight = self._sees(here, target) and stood < _STANDS and now >= self._follow_until
         if straight and not self._gates:
             return velocity
         if straight:
             self._plan, self._search = [here, target], None
         elif now >= self._plan_again:
-            slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < 0.05]
+            slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < _STILL]
             self._search = self._planner.search(here, target, slow)
             self._plan_again = now + _PLAN_PERIOD
             if stood >= _STANDS:
@@ -100,9 +108,26 @@ class Route:
                 return _toward(here, place, min(speed, away)) if away > _AT_PLACE else (0.0, 0.0)
         if straight:
             return velocity
-        ahead = (p for p in reversed(self._plan) if math.dist(p, here) <= _LOOK_AHEAD and self._planner.sees(here, p))
+        ahead = (p for p in reversed(self._plan) if math.dist(p, here) <= _LOOK_AHEAD and self._sees(here, p))
         point = next(ahead, None)
         return velocity if point is None or math.dist(point, here) < 0.05 else _toward(here, point, speed)
+
+    def _notice_parked(self, now: float, near: Sequence[Near]) -> None:
+        """One that waits turns to and fro, so a neighbour that has stood still for a while is parked."""
+        still = [o for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < _STILL and not is_busy(o)]
+        self._still_since = {o.name: self._still_since.get(o.name, now) for o in still}
+        self.parked = [o for o in still if now - self._still_since[o.name] >= _STANDS]
+
+    def _sees(self, start: Point, end: Point) -> bool:
+        """Whether no wall and no parked neighbour is between two positions."""
+        x, y = start
+        dx, dy = end[0] - x, end[1] - y
+        for other in self.parked:
+            px, py = nearest_on(x, y, dx, dy, other.x, other.y)
+            away = math.hypot(px - other.x, py - other.y)
+            if away < other.keep - _CLOSE and away < math.dist(start, (other.x, other.y)) - _CLOSE:
+                return False
+        return self._planner.sees(start, end)
 
     def face_gate(self, state: State) -> Twist2:
         """A turn on the spot toward the gate in front of which the robot waits; none when it looks that way.
