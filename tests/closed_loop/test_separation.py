@@ -176,6 +176,30 @@ def test_four_robots_swap_places() -> None:
     assert {"", "keeps clear of r0"} <= reasons
 
 
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        ((0.075, 0.419, -1.544), (0.178, -0.554)),
+        ((-0.316, 0.412, 1.218), (0.105, -0.544)),
+        ((0.262, 0.501, 0.112), (0.037, -0.557)),
+    ],
+)
+def test_a_robot_gets_round_a_parked_one(start: tuple[float, float, float], goal: tuple[float, float]) -> None:
+    """It does not begin on one side, and then on the other."""
+    world = World([start, (0.0, 0.0, -0.85)], 0, delays=[0.1] * 2)
+    arena = Bounds(-2.1, 2.1, -1.5, 1.5)
+    separation = Separation("r0", BODY, dict.fromkeys(world.names, BODY), arena, SETTINGS)
+    law = GoToGoal(speed=0.4, tolerance=0.03)
+
+    def decide(k: int, now: float, state: State, snapshot: Snapshot | None) -> Twist2:
+        return separation.step(now, state, law.twist(state.pose, *goal), snapshot, goal).twist if k == 0 else STILL
+
+    while math.dist(world.states()[0][:2], goal) > 0.1 and world.time < 25.0:
+        world.step(decide)
+    assert world.time < 14.0
+    assert world.plant.min_separation > KEEP - 0.005
+
+
 def test_robots_of_both_sides_get_through_a_doorway() -> None:
     starts = [(-0.8, 0.5, 0.0), (-0.8, -0.5, 0.0), (0.8, 0.5, math.pi), (0.8, -0.5, math.pi)]
     goals = [(1.5, 0.9), (1.5, -0.9), (-1.5, 0.9), (-1.5, -0.9)]

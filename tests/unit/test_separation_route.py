@@ -12,6 +12,7 @@ from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
 from muro_zenoh.safety.separation.liveness import Patience, first_met, free_direction
 from muro_zenoh.safety.separation.planner import CELL, SLICE, Planner, Segment
+from muro_zenoh.safety.separation.route import Route
 
 ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 DOOR = ((0.0, 0.4, 0.0, 1.5), (0.0, -1.5, 0.0, -0.4))
@@ -49,6 +50,23 @@ def test_the_way_leads_round_a_standing_robot_but_is_never_forbidden() -> None:
     assert min(math.hypot(x, y) for x, y in way) > 0.3
     everywhere = [(x, y, 0.4) for x in (-0.4, 0.0, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
     assert open_floor.way((-1.0, 0.0), (1.0, 0.0), everywhere)[-1] == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(("omega", "is_parked"), [(0.0, True), (FIDGET, False)])
+def test_the_way_leads_round_a_neighbour_that_is_parked(omega: float, is_parked: bool) -> None:
+    """One that turns to and fro waits, and will go on."""
+    route, other = Route(ARENA, ARENA.shrunk(KEEP), (), KEEP), near(0.6, 0.05, omega=omega)
+    for k in range(60):
+        vx, vy = route.toward(0.05 * k, (0.0, 0.0), (0.4, 0.0), (1.2, 0.0), [other], 0.0, True, 0.05 * k)
+        if k * 0.05 < 0.95:
+            assert (vx, vy) == (0.4, 0.0)
+            assert route.parked == []
+    assert (route.parked == [other]) is is_parked
+    assert ((vx, vy) != (0.4, 0.0)) is is_parked
+    if is_parked:
+        assert math.hypot(vx, vy) == pytest.approx(0.4)
+        # half a metre on, it is as far from the other as it has to be
+        assert math.hypot(0.6 - vx / 0.4 * 0.5, 0.05 - vy / 0.4 * 0.5) > 0.35
 
 
 def test_walls_that_leave_no_way_give_none() -> None:

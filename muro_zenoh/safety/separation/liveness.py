@@ -1,6 +1,7 @@
 """Liveness: which way a robot prefers so that a crowd dissolves. Deterministic, the robots told apart by name.
 
-1. A direction that is not free is turned clockwise by the smallest angle that is. All do, so they pass on one side.
+1. A direction that is not free is turned clockwise by the smallest angle that is. All do, so they pass on one side; but
+   round one that is parked the shorter way is planned, and kept to.
 2. A robot that stands too long prefers the other side for a while, then backs off; how long is too long depends on
    its place in the order of names, so that two that block each other do not do the same at the same time.
 3. One that cannot go on turns to and fro where it stands: so the others see that it waits and is not parked.

@@ -13,9 +13,11 @@ from muro_zenoh.safety.separation.line import Point, nearest_on
 from muro_zenoh.safety.separation.planner import Planner, Segment
 
 _STANDS = 1.0
-"""A robot that has stood for this time looks for a way round [s], and others look for one round it if it is parked ..."""
+"""A robot that has stood for this time looks for a way round what is near [s] ..."""
 _FOLLOWS = 3.0
 """... and follows it for this time [s]."""
+_PARKED = 1.0
+"""A neighbour that has stood for this time is parked [s]: the way leads round it at once."""
 _PLAN_PERIOD = 1.0
 _STILL = 0.05
 """A neighbour that is slower stands [m/s]."""
@@ -116,7 +118,7 @@ class Route:
         """One that waits turns to and fro, so a neighbour that has stood still for a while is parked."""
         still = [o for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < _STILL and not is_busy(o)]
         self._still_since = {o.name: self._still_since.get(o.name, now) for o in still}
-        self.parked = [o for o in still if now - self._still_since[o.name] >= _STANDS]
+        self.parked = [o for o in still if now - self._still_since[o.name] >= _PARKED]
 
     def _sees(self, start: Point, end: Point) -> bool:
         """Whether no wall and no parked neighbour is between two positions."""
