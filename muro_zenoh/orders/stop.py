@@ -66,7 +66,7 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """
     with ExitStack() as stack:
         watch = stack.enter_context(closing(_Watch(bus, names)))
-        orders = stack.enter_context(closing(bus.publisher(channels.STOP)))
+        orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
         watch.order(orders)
         asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
         stack.callback(asking.cancel)
