@@ -11,13 +11,14 @@ from agents.tasks.behaviour import BehaviourRunner
 from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tasks.health import report_health
 from agents.tasks.orders import answer_goals, obey_stops
+from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.channels import Role
 from muro_zenoh.config import RobotSettings, Scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.transport import Bus, open_bus, with_local_link
-from muro_zenoh.transport.station_clock import StationClock
+from muro_zenoh.transport.measured_clock import MeasuredClock, StationClock
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +45,7 @@ class Agent:
         self._loop = ControlLoop(name, settings, scenario.timeouts, separation)
         self._master = Master(bus, name)
         self._clock = StationClock(bus, scenario.clocks)
+        self._base_clock = MeasuredClock(bus, channels.BASE_TIME, name)
         self._sender = Sender(bus, name)
         self._listener = Listener(
             bus,
@@ -67,6 +69,7 @@ class Agent:
                 report_health(bus, name, loop, self._runner, clock, self._listener, signals), name="health"
             )
             tasks.create_task(clock.run(), name="clock")
+            tasks.create_task(self._base_clock.run(), name="base clock")
 
 
 def _robot(scenario: Scenario, name: str) -> RobotSettings:

@@ -19,7 +19,7 @@ from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, h
 from muro_zenoh.config import TIMEOUTS, RobotSettings, Timeouts
 from muro_zenoh.estimation.pose_filter import PoseEstimate
 from muro_zenoh.geometry import STILL, Circle, State, Twist2
-from muro_zenoh.messages import PoseFix, StopOrder, VelocityCommand
+from muro_zenoh.messages import MOST_NAMES, PoseFix, StopOrder, VelocityCommand
 from muro_zenoh.runtime.waiting import without_numbers
 from muro_zenoh.safety.gate import reasons_to_hold
 from muro_zenoh.safety.separation import Separation
@@ -31,10 +31,6 @@ _INTENT_TIMEOUT = 0.25
 _PAUSE = 0.5
 """Not updated for this time, the process was frozen, or a behaviour has blocked it [s]. What was ordered meanwhile may
 still be on its way, or lost."""
-
-
-_MOST_NAMES = 1000
-"""Stopped robots that are remembered at most: a stranger with ever new names must not fill the memory."""
 
 
 class Surroundings(NamedTuple):
@@ -183,7 +179,8 @@ class ControlLoop:
         # A newer order is the whole state; any other one stops more robots.
         known = names if self.latch.revision == latch.revision else frozenset()
         new = [name for name in dict.fromkeys(order.names) if name not in known]
-        self.stopped_names = known.union(new[: _MOST_NAMES - len(known)])
+        # A stranger with ever new names must not fill the memory.
+        self.stopped_names = known.union(new[: MOST_NAMES - len(known)])
         self.changed |= (self.latch, self.stopped_names) != before
         out: Outgoing = []
         if not self.latch.may_drive and not self._ended:

@@ -24,7 +24,7 @@ from muro_zenoh.messages import Health, Truth
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus, open_bus
-from muro_zenoh.transport.station_clock import StationClock
+from muro_zenoh.transport.measured_clock import StationClock
 
 log = logging.getLogger(__name__)
 

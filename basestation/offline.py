@@ -60,9 +60,11 @@ class Eye:
             robots = tuple(self._localizer.locate(shot.image))
         except MessageError as error:
             raise CameraError(f"camera {self._camera}: {error}") from error
-        fixes = tuple(self._fusion.take(Sightings(camera=self._camera, captured=shot.t, robots=robots), shot.t))
+        floor_off = self._localizer.floor_off
+        seen = Sightings(camera=self._camera, captured=shot.t, robots=robots, floor_off=floor_off)
+        fixes = tuple(self._fusion.take(seen, shot.t))
         doubts = tuple(text for text, captured in self._fusion.doubts.values() if captured == shot.t)
-        return Looked(shot, fixes, (*self._localizer.complaints, *doubts))
+        return Looked(shot, fixes, (*self._localizer.complaints, *self._fusion.moved.values(), *doubts))
 
     def draw(self, shot: Shot, looked: Looked) -> NDArray[np.uint8]:
         """The picture with names, axes and the reasons for what is not believed.

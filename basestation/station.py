@@ -21,7 +21,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
-from muro_zenoh.transport.station_clock import answer_time
+from muro_zenoh.transport.measured_clock import answer_time
 
 
 class Station:

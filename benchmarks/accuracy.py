@@ -1,6 +1,6 @@
 """How exact the fixes of two cameras are, everywhere in the arena: the cameras of the built-in scenarios, ten robots.
 
-    python benchmarks/accuracy.py [--seconds S] [--seed N] [--json FILE]
+    python benchmarks/accuracy.py [--calibration perfect|arena|drive] [--seconds S] [--seed N] [--json FILE]
 
 Ten robots drive across all of the arena, in lock step and without a bus, under the two cameras of `muro run pursuit`:
 rendered with distortion, tag height, motion blur, uneven light, noise and passing arms, out of step by half a period.
@@ -10,6 +10,10 @@ frame was captured. Robots within 0.45 m of another one, outside their speed lim
 ``worst cell``: the cell of a 0.5 m grid with the greatest 95th percentile. ``bias``: the greatest mean error of a cell
 that is common to all its fixes, as a vector. ``false``: fixes more than 5 cm off. ``hand-over``: how much the error
 steps from one fix to the next where the leading camera changes.
+
+The cameras are located by where they really are (``perfect``), or by what our own tools found of them in rendered
+pictures, as benchmarks/calibration.py has it: board and six floor tags, which were measured to 1 mm (``arena``), and
+then a robot's drive in the frame that those give (``drive``).
 """
 
 from __future__ import annotations
@@ -25,15 +29,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from basestation.calibration.lens_prior import LensPrior
 from basestation.localization.belief import Reach
 from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
 from basestation.localization.fusion import Fusion
 from basestation.localization.localizer import Localizer
 from basestation.localization.sightings import Sightings
-from muro_zenoh.config import find_scenario
+from benchmarks.calibration import MEASURED, Lab
+from muro_zenoh.config import Scenario, find_scenario
 from muro_zenoh.config.cameras import camera_models
 from muro_zenoh.geometry import Bounds, wrap_to_pi
+from muro_zenoh.optics.camera_model import CameraModel
 from muro_zenoh.simulation.arms import Arms
 from muro_zenoh.simulation.camera import OverheadCamera
 
@@ -42,6 +51,7 @@ Array = NDArray[np.float64]
 CELL = 0.5
 ROBOTS = 10
 ARM_EVERY = 20.0
+DRIVE_FRAMES = 100
 
 
 @dataclass(frozen=True)
@@ -101,12 +111,32 @@ class Drive:
         return np.column_stack((place, np.arctan2(v[:, 1], v[:, 0]))), np.column_stack((speed, omega))
 
 
-def measure(seconds: float, seed: int) -> Report:
+def calibrated(scenario: Scenario, seed: int, how: str) -> dict[str, CameraModel]:
+    """The cameras as our own tools find them.
+
+    Args:
+        scenario: the settings.
+        seed: of all that is random.
+        how: ``perfect`` for the cameras as they are, ``arena`` or ``drive``.
+    """
+    lab = Lab(scenario, seed)
+    if how == "perfect":
+        return lab.models
+    lenses = {name: lab.lens(name) for name in lab.models}
+    priors = {name: LensPrior(lens.camera, lens.covariance) for name, lens in lenses.items()}
+    placed = {name: lab.arena(name, prior, [MEASURED])[0].camera for name, prior in priors.items()}
+    if how == "drive":
+        placed = lab.drive(priors, DRIVE_FRAMES, placed).cameras
+    return {name: camera.model for name, camera in placed.items()}
+
+
+def measure(seconds: float, seed: int, how: str) -> Report:
     """Drive and judge.
 
     Args:
         seconds: for how long [s].
-        seed: of the way, the light, the arms and the noise.
+        seed: of the way, the light, the arms, the noise and the calibration.
+        how: the cameras are calibrated; see :func:`calibrated`.
     """
     scenario = find_scenario("pursuit", robots=ROBOTS)
     hidden, robots = scenario.simulation, list(scenario.robot.values())
@@ -122,7 +152,8 @@ def measure(seconds: float, seed: int) -> Report:
         "exposure": hidden.exposure,
     }
     eyes = {name: OverheadCamera(model, seed=seed + i, **look) for i, (name, model) in enumerate(models.items())}
-    finders = {name: Localizer(name, FloorMap(model), TagDetector(), tags) for name, model in models.items()}
+    found_at = calibrated(scenario, seed, how)
+    finders = {name: Localizer(name, FloorMap(model), TagDetector(), tags) for name, model in found_at.items()}
     arms = {
         name: Arms(np.random.default_rng((seed, i)), ARM_EVERY, model.width, model.height)
         for i, (name, model) in enumerate(models.items())
@@ -204,29 +235,30 @@ def _is_visible(eye: OverheadCamera, pose: Array, mount: object, cover: Array | 
     return cv2.pointPolygonTest(hull, tuple(corners.mean(axis=0).tolist()), True) < -reach
 
 
-LIMITS = {
-    "worst_cell_mm": 2.0,
-    "worst_cell_deg": 1.0,
-    "bias_mm": 0.1,
-    "hand_over_mm_p99": 5.0,
-    "false": 0,
+LIMITS: dict[str, dict[str, float]] = {
+    "perfect": {"worst_cell_mm": 2.0, "worst_cell_deg": 1.0, "bias_mm": 0.1},
+    "arena": {"worst_cell_mm": 5.0},
+    "drive": {"worst_cell_mm": 3.0},
 }
+ALWAYS = {"hand_over_mm_p99": 5.0, "false": 0}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--calibration", choices=tuple(LIMITS), default="perfect", help="of the cameras (perfect)")
     parser.add_argument("--seconds", type=float, default=120.0, help="for how long the robots drive (120)")
     parser.add_argument("--seed", type=int, default=1, help="of the way and the noise (1)")
     parser.add_argument("--json", type=Path, help="also write the numbers to this file")
     given = parser.parse_args()
     cv2.setNumThreads(1)
-    report = asdict(measure(given.seconds, given.seed))
+    limits = {**LIMITS[given.calibration], **ALWAYS}
+    report = asdict(measure(given.seconds, given.seed, given.calibration))
     for key, value in report.items():
-        limit = f"  (goal: at most {LIMITS[key]:g})" if key in LIMITS else ""
+        limit = f"  (goal: at most {limits[key]:g})" if key in limits else ""
         print(f"{key:18} {value}{limit}")
     if given.json:
         given.json.write_text(json.dumps(report, indent=2) + "\n")
-    sys.exit(any(report[key] > limit for key, limit in LIMITS.items()) or report["detected"] < 0.99)
+    sys.exit(any(report[key] > limit for key, limit in limits.items()) or report["detected"] < 0.99)
 
 
 if __name__ == "__main__":

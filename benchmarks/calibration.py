@@ -18,6 +18,7 @@ import argparse
 import json
 import math
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,10 @@ from basestation.calibration.board import Board
 from basestation.calibration.board_views import BoardFinder, BoardView
 from basestation.calibration.bundle import Distance
 from basestation.calibration.camera import Camera, camera_of
-from basestation.calibration.drive import fit_drive
+from basestation.calibration.drive import DriveFit, fit_drive
 from basestation.calibration.edges import on_edges
 from basestation.calibration.floor_error import bound_of, cells_of, floor_error, grid, lens_difference
-from basestation.calibration.lens import fit_lens
+from basestation.calibration.lens import LensFit, fit_lens
 from basestation.calibration.lens_prior import LensPrior
 from basestation.calibration.shared_map import map_difference, shared_slopes
 from basestation.calibration.sources import FloorTag, floor_tag
@@ -55,7 +56,7 @@ FLOOR_TAGS = {
     "north": ((-1.8, -0.2), (1.8, -0.2), (1.8, 1.3), (-1.8, 1.3), (0.0, 0.4), (0.8, 0.9)),
     "south": ((-1.8, 0.2), (1.8, 0.2), (1.8, -1.3), (-1.8, -1.3), (0.0, -0.4), (0.8, -0.9)),
 }
-ENDS = ((-1.0, 0.1), (1.0, 0.1))
+ENDS = ((-1.8, 0.1), (1.8, 0.1))
 
 Rows = dict[str, dict[str, list[float]]]
 
@@ -113,48 +114,79 @@ def note(rows: Rows, step: str, **figures: float | Array) -> None:
         rows[step][key] += np.ravel(value).tolist()
 
 
-def run(scenario: Scenario, models: dict[str, CameraModel], seed: int, frames: int, rows: Rows) -> None:
+class Lab:
+    """The cameras of a scenario as they are, and what the tools find of them.
+
+    Args:
+        scenario: the settings.
+        seed: of all that is random.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self.scenario = scenario
+        self.models = camera_models(scenario.camera, scenario.arena)
+        self.mount = scenario.robot["r1"].mount
+        self._seed = seed
+        self._rng = np.random.default_rng(seed)
+        self._films = {name: OverheadCamera(model, seed=seed, shade=0.3) for name, model in self.models.items()}
+
+    def lens(self, name: str) -> LensFit:
+        """`muro calibrate intrinsics`."""
+        model = self.models[name]
+        views = board_views(model, 2 * self._seed + list(self.models).index(name))
+        return fit_lens(views, (model.width, model.height), height=3.0, drop=True)
+
+    def arena(self, name: str, prior: LensPrior, sigmas: Sequence[float]) -> list[ArenaFit]:
+        """`muro calibrate arena`, with places measured so well [m]."""
+        places, fits = np.array(FLOOR_TAGS[name]), []
+        tags = floor_tags(self._films[name], places, self._rng)
+        for sigma in sigmas:
+            given = places + self._rng.normal(0.0, sigma, places.shape)
+            points = [Landmark(f"tag {n}", tag.middle, np.array((*given[n - 40], 0.0))) for n, tag in tags.items()]
+            fits.append(fit_arena(prior, points, sigma_pixels=0.1, sigma_metres=max(sigma, 1e-4)))
+        return fits
+
+    def drive(
+        self, priors: Mapping[str, LensPrior], frames: int, known: Mapping[str, Camera] | None = None
+    ) -> DriveFit:
+        """`muro calibrate drive`, in the frame of known cameras or of where the robot started."""
+        seen, start = film_drive(self._films, self.mount, frames, self._rng)
+        ends = {}
+        for name in self.models:
+            corners = [np.stack([s.corners for s in seen if (s.camera, s.tag) == (name, n)]) for n in (44, 45)]
+            ends[name] = np.stack([floor_tag(44, corners[0]).middle, floor_tag(45, corners[1]).middle])
+        metres = math.dist(*ENDS) + self._rng.normal(0.0, MEASURED)
+        return fit_drive(
+            priors,
+            knots_of(seen, tuple(self.models), self.mount.id, frames),  # the pictures' own times
+            size=self.mount.size,
+            height=self.mount.z,
+            sigma_pixels=0.1,
+            robot="r1",
+            distance=Distance(metres, MEASURED, ends),
+            heights={"north": 3.0},
+            known=known,
+            start=start,
+            floor=self.scenario.arena,
+        )
+
+
+def run(scenario: Scenario, seed: int, frames: int, rows: Rows) -> None:
     """Calibrate all once."""
-    rng = np.random.default_rng(seed)
-    arena, mount = scenario.arena, scenario.robot["r1"].mount
-    films = {name: OverheadCamera(model, seed=seed, shade=0.3) for name, model in models.items()}
+    lab = Lab(scenario, seed)
     priors: dict[str, LensPrior] = {}
-    for k, (name, model) in enumerate(models.items()):
-        size = (model.width, model.height)
-        lens = fit_lens(board_views(model, 2 * seed + k), size, height=3.0, drop=True)
+    for name, model in lab.models.items():
+        lens = lab.lens(name)
         priors[name] = LensPrior(lens.camera, lens.covariance)
         off = np.linalg.norm(lens_difference(lens.camera, camera_of(model), 3.0), axis=-1)
         bound = lens.floor_error(3.0).bound
         focal = 100.0 * abs(lens.camera.lens[0] / model.focal[0] - 1.0)
         note(rows, "lens", focal=focal, floor=1e3 * off.max(), bound=1e3 * bound.max(), covered=off <= bound)
-
-        places = np.array(FLOOR_TAGS[name])
-        tags = floor_tags(films[name], places, rng)
-        for step, sigma in (("arena", MEASURED), ("arena 0", 0.0)):
-            given = places + rng.normal(0.0, sigma, places.shape)
-            points = [Landmark(f"tag {n}", tag.middle, np.array((*given[n - 40], 0.0))) for n, tag in tags.items()]
-            placed = fit_arena(priors[name], points, sigma_pixels=0.1, sigma_metres=max(sigma, 1e-4))
-            compare_place(rows, step, model, placed, arena, mount.z)
-
-    seen, start = film_drive(films, mount, frames, rng)
-    ends = {}
-    for name in models:
-        corners = [np.stack([s.corners for s in seen if (s.camera, s.tag) == (name, n)]) for n in (44, 45)]
-        ends[name] = np.stack([floor_tag(44, corners[0]).middle, floor_tag(45, corners[1]).middle])
-    metres = math.dist(*ENDS) + rng.normal(0.0, MEASURED)
-    result = fit_drive(
-        priors,
-        knots_of(seen, tuple(models), mount.id, frames),  # the pictures' own times
-        size=mount.size,
-        height=mount.z,
-        sigma_pixels=0.1,
-        robot="r1",
-        distance=Distance(metres, MEASURED, ends),
-        heights={"north": 3.0},
-        start=start,
-        floor=arena,
-    )
-    compare_drive(rows, models, result.cameras, result.covariance, grid(*cells_of(arena, 0.5)), mount.z)
+        for step, placed in zip(("arena", "arena 0"), lab.arena(name, priors[name], (MEASURED, 0.0)), strict=True):
+            compare_place(rows, step, model, placed, scenario.arena, lab.mount.z)
+    result = lab.drive(priors, frames)
+    cells = grid(*cells_of(scenario.arena, 0.5))
+    compare_drive(rows, lab.models, result.cameras, result.covariance, cells, lab.mount.z)
 
 
 def compare_place(rows: Rows, step: str, model: CameraModel, placed: ArenaFit, arena: Bounds, z: float) -> None:
@@ -190,12 +222,11 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     scenario = find_scenario("pursuit")
-    models = camera_models(scenario.camera, scenario.arena)
     rows: Rows = defaultdict(lambda: defaultdict(list))
     refused = 0
     for seed in range(arguments.runs):
         try:
-            run(scenario, models, seed, arguments.frames, rows)
+            run(scenario, seed, arguments.frames, rows)
         except CalibrationError as error:
             refused += 1
             print(f"run {seed} was refused: {error}")

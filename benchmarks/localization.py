@@ -122,7 +122,7 @@ class Bare:
         self._detector = cv2.aruco.ArucoDetector(dictionary, cv2.aruco.DetectorParameters())
         self.milliseconds: list[float] = []
 
-    def detect(self, image: Picture, *, wanted: int = 0) -> list[Marker]:
+    def detect(self, image: Picture, *, wanted: int = 0, lost: bool = False) -> list[Marker]:
         begin = time.thread_time()
         corners, ids, _ = self._detector.detectMarkers(image)
         self.milliseconds.append(1e3 * (time.thread_time() - begin))

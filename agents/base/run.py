@@ -24,7 +24,7 @@ from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.runtime.process import ready
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus, open_bus, with_local_link
-from muro_zenoh.transport.station_clock import StationClock
+from muro_zenoh.transport.measured_clock import StationClock, answer_time
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +52,7 @@ class _Bases:
         self._commands = bus.latest(channels.CMD_VEL, only)
         self._odometry = {name: bus.publisher(channels.ODOMETRY, name) for name in wheels}
         self._states = {name: bus.publisher(channels.BASE, name) for name in wheels}
+        self._times = [answer_time(bus, channels.BASE_TIME, name) for name in wheels]
 
     async def run(self) -> None:
         """Follow each command when it arrives, beat at 50 Hz; set all wheels to zero at the end."""
@@ -60,6 +61,8 @@ class _Bases:
         with ExitStack() as leaving:
             for base in self._bases.values():
                 leaving.callback(base.stop)  # all of them, even when the wheels of one fail
+            for time in self._times:
+                leaving.callback(time.close)
             while True:
                 due = max(due + _BEAT, loop.time())
                 await self._obey_until(due)

@@ -29,10 +29,11 @@ class WheelReading(NamedTuple):
     @property
     def hazard(self) -> str:
         """The hazard that forbids driving; empty when there is none."""
-        for name in ("bumper", "cliff", "wheel_drop"):
-            if getattr(self, name):
-                return name
-        return ""
+        if self.bumper:
+            return "bumper"
+        if self.cliff:
+            return "cliff"
+        return "wheel_drop" if self.wheel_drop else ""
 
 
 class Wheels(Protocol):

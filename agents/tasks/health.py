@@ -13,7 +13,7 @@ from muro_zenoh import channels
 from muro_zenoh.messages import Health
 from muro_zenoh.runtime.waiting import WaitingLog
 from muro_zenoh.transport import Bus
-from muro_zenoh.transport.station_clock import StationClock
+from muro_zenoh.transport.measured_clock import StationClock
 
 log = logging.getLogger(__name__)
 

@@ -168,7 +168,11 @@ class Bundle:
         slopes.append(row)
 
     def off(self, state: BundleState) -> dict[str, Array]:
-        """By camera, (K,) root mean square distance of the corners [px]; NaN where it did not see them."""
+        """By camera, (K,) root mean square distance of the corners [px]; NaN where it did not see them.
+
+        Args:
+            state: of the adjustment.
+        """
         residuals, _ = self._evaluate(state)
         out: dict[str, Array] = {}
         start = 0

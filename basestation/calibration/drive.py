@@ -109,6 +109,10 @@ def fit_drive(
     result, bundle, left_out = _without_outliers(priors, knots, size, height, sigma_pixels, distance, guess)
     state = result.state
     cameras = dict(zip(bundle.names, state.cameras, strict=True))
+    if known:
+        # The adjustment kept the frame of the tag's first place, which turns it by that one view's error.
+        pose = _frame_of(cameras, knots, known, start, floor, height)
+        cameras = {name: in_frame(camera, pose) for name, camera in cameras.items()}
     pixels = float(np.sqrt(np.nanmean(np.concatenate(list(bundle.off(state).values())) ** 2)))
     _check_scale(cameras, state, heights or {}, robot, size, height)
     free = max(len(result.residuals) - bundle.columns, 1)

@@ -1,8 +1,10 @@
-"""Corners of tags from the edges of their black squares.
+"""Corners of tags from the edges of their black squares, for measuring.
 
-The detector's corners lie on the border of what its threshold takes for ink: in a blurred picture up to a pixel inside,
-which makes all tags some percent too small. That is no matter for a pose, but it is for a scale. Here each side is a
-line through the places where the picture is halfway between ink and paper.
+Each side is a line through the places where the picture is halfway between ink and paper, by the part of a profile that
+is ink: no blur makes the tag larger or smaller, and a tag of 17 pixels will do. The base station, which follows many
+tags at 20 Hz, has a quicker way (``basestation.localization.edges``) that refuses tags below 24 pixels. On rendered
+tags of 32 pixels with a blur of 1.2 its sides are 0.05 % short and its corners 0.061 px off, here 0.003 % and 0.056 px:
+no matter for a pose, but for a scale.
 """
 
 from __future__ import annotations

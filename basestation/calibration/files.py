@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,13 @@ def write_lens(path: Path, camera: Camera, covariance: Array, notes: Sequence[st
     _write(path, notes, _lens_lines(camera), covariance)
 
 
-def write_camera(path: Path, camera: Camera, covariance: Array, notes: Sequence[str]) -> None:
+def write_camera(
+    path: Path,
+    camera: Camera,
+    covariance: Array,
+    notes: Sequence[str],
+    floor_tags: Mapping[int, Iterable[float]] = MappingProxyType({}),
+) -> None:
     """Write the calibration of a camera, as ``calibration = "FILE"`` in the fleet file names it.
 
     Args:
@@ -45,13 +52,16 @@ def write_camera(path: Path, camera: Camera, covariance: Array, notes: Sequence[
         camera: the camera.
         covariance: (15, 15) of it, or (9, 9) of its lens.
         notes: comments for people, at the top.
+        floor_tags: x, y, z, the place of each tag on the floor by which it was calibrated, by number [m, world].
 
     Raises:
         CalibrationError: the file cannot be written.
     """
+    rows = ", ".join(_row((number, *where), 4) for number, where in sorted(floor_tags.items()))
     place = (
         f"position = {_row(camera.model.position, 6)} # [m, world]",
         f"rotation = {_row(rotation_vector(camera.turn), 9)} # rotation vector, world to camera [rad]",
+        f"floor_tags = [{rows}] # number, x, y, z [m, world]: while they lie there they show whether it was moved",
     )
     _write(path, notes, (*_lens_lines(camera), *place), covariance[:LENS, :LENS])
 

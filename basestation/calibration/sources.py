@@ -15,6 +15,7 @@ from basestation.localization.detector import TagDetector
 from basestation.sources.recordings import image_files, is_image, open_recording, read_image
 from basestation.sources.source import Picture
 from muro_zenoh.errors import CalibrationError, CameraError, ConfigError
+from muro_zenoh.wording import counted
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ def board_views(source: Path, finder: BoardFinder, on_picture: Callable[[], None
         on_picture: called after each picture.
 
     Raises:
-        CalibrationError: pictures of different sizes.
+        CalibrationError: pictures of different sizes, or the board in none of them.
         CameraError: no recording.
     """
     views: list[BoardView] = []
@@ -82,6 +83,9 @@ def board_views(source: Path, finder: BoardFinder, on_picture: Callable[[], None
         on_picture()
     if size is None:
         raise CalibrationError(f"{source}: got no picture that can be read. " + "; ".join(reasons[:3]))
+    if not views:
+        looked_at = counted(len(reasons), "picture")
+        raise CalibrationError(f"{source}: got the board in none of {looked_at}, expected it in 20. {reasons[0]}")
     return Views(tuple(views), tuple(reasons), size)
 
 

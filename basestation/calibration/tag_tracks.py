@@ -152,7 +152,11 @@ class Knots(NamedTuple):
     corners: dict[str, Array]
 
     def seen(self, camera: str) -> NDArray[np.bool_]:
-        """(K,) whether a camera saw the tag."""
+        """(K,) whether a camera saw the tag.
+
+        Args:
+            camera: its name.
+        """
         return np.asarray(np.isfinite(self.corners[camera]).all(axis=(1, 2)))
 
 

@@ -14,7 +14,7 @@ from muro_zenoh.behaviours.interface import Vehicle
 from muro_zenoh.config import Scenario, check_settings
 from muro_zenoh.errors import ConfigError, OrderRefused, ParameterError
 from muro_zenoh.geometry import Circle
-from muro_zenoh.messages import Health, Lease, Name, Resume, SetBehaviour, SetCircle, Value
+from muro_zenoh.messages import MOST_NAMES, Health, Lease, Name, Resume, SetBehaviour, SetCircle, Value
 from muro_zenoh.safety.stop import MAX_REVISION, may_be_of_count
 
 
@@ -219,7 +219,9 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 raise OrderRefused(str(error)) from None
 
     def _stopping(self, everybody: bool, names: Iterable[str], above: int) -> KeptState:
-        revision = self._next_revision(above)
+        revision, names = self._next_revision(above), set(names)
+        if len(names) > MOST_NAMES:  # no order can say so many: then it is everybody
+            everybody, names = True, set()
         return msgspec.structs.replace(
             self, revision=revision, stop_revision=revision, stop_all=everybody, stop_names=tuple(sorted(names))
         )

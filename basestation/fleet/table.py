@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from basestation.fleet.doubts import Doubts
 from muro_zenoh import channels
@@ -17,17 +18,17 @@ STALE_AFTER = TIMEOUTS.pose
 LOST_AFTER = 2.0
 """... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
 
-_COMES_TO_REST = 1.0
-"""A robot that says nothing any more may still move for this time [s]: until the dead-man acts or its pose is too old,
-and then it brakes. Its last speeds count until then."""
+SILENT_AFTER = 1.0
+"""A robot that says nothing any more may still move for this time [s], until the dead-man acts or its pose is too old,
+and then it brakes. Its last speeds count until then. One that only its own link outward is cut off for may still drive
+after it: it is ``silent``, which makes it brake, too, and the others keep clear of it."""
 
 _DISTANCE = 0.25
 _ANGLE = 0.6
 """An estimate agrees with the fix when it is within this of it [m], [rad], plus how far the robot moved since."""
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """A robot's own estimate: its pose [world], its speeds [m/s, rad/s], and when the estimate was made [s]."""
 
     pose: Pose2
@@ -147,9 +148,10 @@ class FleetTable:
         age = max(0.0, now - row.captured)
         motion = self._motions.get(name)
         v = omega = 0.0
-        state: RobotStatus = "tracking"
+        state: RobotStatus = "silent"
         silent = now - motion.arrival if motion is not None else math.inf
-        if motion is not None and silent <= _COMES_TO_REST:
+        if motion is not None and silent <= SILENT_AFTER:
+            state = "tracking"
             if _agree(row, motion):
                 v, omega = motion.v, motion.omega
             elif silent <= channels.ESTIMATE.stale_after:

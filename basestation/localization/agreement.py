@@ -18,6 +18,8 @@ _APART = 0.006
 _TURNED = math.radians(1.0)
 """The same for the headings [rad]: the median of twelve of them is uncertain by a tenth of a degree, and more where
 their errors go together."""
+_LEAST_ON_FLOOR = 4
+"""Tags on the floor count from so many sightings on: they are seen in whole pictures only, twice a second."""
 _JUMP = 0.005
 """All robots of a camera jump by this from one frame to the next: the camera moved [m]. Their brakes allow 2.5 mm."""
 _JUMP_ALONE = 0.008
@@ -27,8 +29,8 @@ _JUMP_ALONE = 0.008
 class Agreement:
     """Finds out which camera was moved.
 
-    Of two cameras that disagree about the robots that both see, the one was moved whose robots all jumped at once; when
-    neither's did, it may be either.
+    One that sees the tags on the floor away from their places was. Of two cameras that disagree about the robots that
+    both see, the one was whose robots all jumped at once; when neither's did, it may be either.
 
     Attributes:
         moved: why a camera is trusted less, by its name.
@@ -37,6 +39,7 @@ class Agreement:
     def __init__(self) -> None:
         self.moved: dict[str, str] = {}
         self._apart: dict[tuple[str, str], deque[tuple[float, float, float, float]]] = {}
+        self._floor: dict[str, deque[tuple[float, float, float]]] = {}
         self._jumped: dict[str, float] = {}
         self._just_jumped: set[str] = set()
 
@@ -54,6 +57,17 @@ class Agreement:
             first, second, a, b = second, first, b, a
         row = self._apart.setdefault((first, second), deque(maxlen=400))
         row.append((t, b.x - a.x, b.y - a.y, wrap_to_pi(b.theta - a.theta)))
+
+    def see_floor(self, camera: str, off: Sequence[tuple[float, float]], t: float) -> None:
+        """Take where a camera sees the tags on the floor.
+
+        Args:
+            camera: its name.
+            off: how far each is from its place (x, y) [m].
+            t: when [s].
+        """
+        if off:
+            self._floor.setdefault(camera, deque(maxlen=400)).extend((t, x, y) for x, y in off)
 
     def jumped(self, camera: str, steps: Sequence[tuple[float, float]], t: float) -> bool:
         """Whether all robots of a camera have jumped at once: then it was the camera that moved.
@@ -86,6 +100,21 @@ class Agreement:
         """
         moved: dict[str, str] = {}
         seen: set[str] = set()
+        for camera, tags in self._floor.items():
+            while tags and tags[0][0] < now - _WINDOW:
+                tags.popleft()
+            if len(tags) < _LEAST_ON_FLOOR:
+                continue
+            seen.add(camera)
+            off_by = sorted(math.hypot(x, y) for _, x, y in tags)
+            # More than half of them: a tag that was kicked away is no camera that was moved, even if it is one of two.
+            far = off_by[(len(off_by) - 1) // 2]
+            if far >= _APART:
+                moved[camera] = (
+                    f"camera {camera} sees the floor tags {1e3 * far:.0f} mm off their places: was it moved? "
+                    "Calibrate it anew"
+                )
+        on_floor = set(moved)
         for (first, second), row in self._apart.items():
             while row and row[0][0] < now - _WINDOW:
                 row.popleft()
@@ -95,6 +124,8 @@ class Agreement:
             x, y, theta = (median(entry[k] for entry in row) for k in (1, 2, 3))
             if math.hypot(x, y) < _APART and abs(theta) < _TURNED:
                 continue
+            if on_floor & {first, second}:
+                continue  # it is known which one it was
             off = f"{1e3 * math.hypot(x, y):.0f} mm and {math.degrees(abs(theta)):.1f} degrees"
             a, b = self._jumped.get(first, -math.inf), self._jumped.get(second, -math.inf)
             blamed = (first,) if a > b else (second,) if b > a else (first, second)

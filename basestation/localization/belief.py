@@ -22,7 +22,13 @@ _FORGOTTEN = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far a robot can get: its radius [m], its greatest speed [m/s] and turning rate [rad/s]."""
+    """How far a robot can get.
+
+    Attributes:
+        radius: of its body [m].
+        v_max: its greatest speed [m/s].
+        omega_max: its greatest turning rate [rad/s].
+    """
 
     radius: float
     v_max: float

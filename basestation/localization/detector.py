@@ -22,15 +22,18 @@ _SMALLEST_HARD = 8.0
 _ENLARGED = 1.5
 """Hard pictures are searched enlarged by this: thin cells survive the threshold."""
 _TRY_EVERY = 20
-"""While tags are missing, one in so many whole pictures is searched both ways."""
+"""While tags are missing, one in so many whole pictures is searched both ways ..."""
+_TRY_RARELY = 320
+"""... and in the end one in so many, where that finds no more: those robots are elsewhere, and it takes 30 ms."""
 
 
 class TagDetector:
     """Finds tags in one camera's pictures.
 
     A whole picture is first searched as one of a lit room. When fewer tags are found than may be in it, it is searched
-    the hard way too, which takes twenty times as long: at once in the first picture, and now and then afterwards. From
-    the way that finds more, the detector learns which kind of pictures the camera gives.
+    the hard way too, which takes twenty times as long: at once in the first picture, and now and then afterwards, ever
+    more rarely while it finds no more. From the way that finds more, the detector learns which kind of pictures the
+    camera gives.
 
     Corners are where the sides meet in the grey levels, wherever the tag is clear enough: the library's own are on the
     ink, half a pixel inside, and ten times as noisy.
@@ -53,23 +56,30 @@ class TagDetector:
         self._reader: TagReader = READERS[library](family)
         self._edges = EdgeReader(family)
         self._until_try = 0
+        self._pause = _TRY_EVERY
 
-    def detect(self, image: Picture, *, wanted: int = 0) -> list[Marker]:
+    def detect(self, image: Picture, *, wanted: int = 0, lost: bool = False) -> list[Marker]:
         """All tags in a picture. A number that is seen twice is returned twice.
 
         Args:
             image: (height, width), grey.
             wanted: number of tags that may be in it.
+            lost: whether one that must be in it was not found lately: the light may have changed.
         """
+        if lost:
+            self._pause = _TRY_EVERY
+            self._until_try = min(self._until_try, _TRY_EVERY)
         markers = self._whole(image, self.hard)
         if not self.hard and len(markers) >= wanted:
             return markers
         self._until_try -= 1
         if self._until_try >= 0:
             return markers
-        self._until_try = _TRY_EVERY
         others = self._whole(image, not self.hard)
         lit, hard = (others, markers) if self.hard else (markers, others)
+        in_vain = not self.hard and 0 < len(hard) <= len(lit)
+        self._pause = min(2 * self._pause, _TRY_RARELY) if in_vain else _TRY_EVERY
+        self._until_try = self._pause
         self.hard = len(hard) > len(lit)
         return hard if self.hard else lit
 

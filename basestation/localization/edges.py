@@ -105,7 +105,7 @@ class EdgeReader:
 
     def _is_printed(self, image: Picture, corners: Array, prints: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether each cell is on its side of the middle between ink and paper."""
-        places = self._middles @ np.nan_to_num(corners)
+        places = self._middles @ (corners if np.isfinite(corners).all() else np.nan_to_num(corners))
         cells = _grey(image, places)
         paper = np.where(prints, cells, 0.0).sum(axis=1) / prints.sum(axis=1)
         ink = np.where(prints, 0.0, cells).sum(axis=1) / (~prints).sum(axis=1)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
 
 from basestation.localization.agreement import Agreement
 from basestation.localization.belief import Belief, Reach
@@ -37,8 +34,7 @@ _MOVED = 0.01
 """Standard deviation of what a camera sees that was moved [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Fix:
+class Fix(NamedTuple):
     """Where a robot is.
 
     Attributes:
@@ -120,6 +116,7 @@ class Fusion:
                 tracks[camera] = Track(sighting, t)
             if self._leads(camera, sighting.name, t):
                 fixes.append(self._fuse(camera, sighting.name, t))
+        self._agreement.see_floor(camera, seen.floor_off, t)
         self._agreement.judge(t)
         return fixes
 
@@ -199,15 +196,17 @@ class Fusion:
         total = sum(share.weight for share in shares)
         first = shares[0].pose
         x = y = turn = 0.0
-        covariance = np.zeros(9)
+        covariance = [0.0] * 9
         for _, pose, spread, weight in shares:
             part = weight / total
             x, y = x + part * pose.x, y + part * pose.y
             turn += part * wrap_to_pi(pose.theta - first.theta)
-            covariance += part * part * np.array(spread)
+            square = part * part
+            covariance = [known + square * entry for known, entry in zip(covariance, spread, strict=True)]
         if len(shares) == 1 and shares[0].camera in self._agreement.moved:
-            covariance[[0, 4]] += _MOVED * _MOVED
-        return Pose2(x, y, wrap_to_pi(first.theta + turn)), tuple(covariance.tolist())
+            for diagonal in (0, 4):
+                covariance[diagonal] += _MOVED * _MOVED
+        return Pose2(x, y, wrap_to_pi(first.theta + turn)), tuple(covariance)
 
     def _period_of(self, camera: str) -> float:
         return self._period.get(camera, _PERIOD)

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import itemgetter
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Localizer:
 
     Pictures are searched near the tags' last positions. The whole picture is searched every ``sweep_every`` pictures,
     for new tags; and every ``search_every`` pictures while a recently seen tag is missing, or none is known, so that a
-    hidden robot does not cost a whole search each time.
+    hidden robot does not cost a whole search each time. One that drove out of the picture is not missing.
 
     A number that is seen twice (two robots with one tag, a mirror) is in ``duplicate_tags`` and gives no sighting,
     because it is unknown which of the two is the robot.
@@ -68,12 +69,15 @@ class Localizer:
         misfit_tags: numbers seen since the newest whole search on something that is not a square of the tag's size,
             with the size seen [m]: a wrong ``tag_size``, or not the tag.
         swept: whether the newest picture was searched as a whole.
+        floor_off: how far from its place each tag on the floor was in the newest picture (x, y) [m, world]; empty
+            unless that was searched as a whole.
 
     Args:
         camera: its name.
         floor: from its pixels to metres.
         detector: for the robots' family of tags.
         tags: from a tag's number to the robot's name and the tag's mounting pose.
+        floor_tags: x, y, z where tags lie on the floor, by number [m, world]. Those of robots are not used.
         corner_noise: standard deviation of a corner, along each axis [px]. Measured on rendered pictures with tags of
             37 pixels: 0.06, and more where light and lens are worse.
         sweep_every: pictures from one whole search to the next.
@@ -88,6 +92,7 @@ class Localizer:
         detector: TagDetector,
         tags: Mapping[int, tuple[str, TagMount]],
         *,
+        floor_tags: Mapping[int, tuple[float, float, float]] = MappingProxyType({}),
         corner_noise: float = 0.1,
         sweep_every: int = 10,
         search_every: int = 3,
@@ -102,6 +107,8 @@ class Localizer:
         self.duplicate_tags: frozenset[int] = frozenset()
         self.misfit_tags: dict[int, float] = {}
         self.swept = False
+        self.floor_off: tuple[tuple[float, float], ...] = ()
+        self._floor_tags = {tag: where for tag, where in floor_tags.items() if tag not in self.tags}
         self._corner_noise = corner_noise
         self._sweep_every = sweep_every
         self._search_every = search_every
@@ -143,15 +150,32 @@ class Localizer:
         return (*unknown, *duplicate, *misfit)
 
     def _search(self, image: Picture) -> list[Marker]:
-        missing = not self._tracks or any(track.missed > 0 for track in self._tracks)
+        lost = self._lost()
+        missing = not self._tracks or lost
         self._since_sweep += 1
         self.swept = self._since_sweep >= (self._search_every if missing else self._sweep_every)
+        self.floor_off = ()
         if not self.swept:
             return self.detector.detect_near(image, [track.expected() for track in self._tracks])
         self._since_sweep = 0
-        markers = self.detector.detect(image, wanted=len(self.tags))
-        self.unknown_tags = frozenset(marker.id for marker in markers) - self.tags.keys()
+        markers = self.detector.detect(image, wanted=len(self.tags), lost=lost)
+        self.unknown_tags = frozenset(marker.id for marker in markers) - self.tags.keys() - self._floor_tags.keys()
+        self.floor_off = self._off_their_places([marker for marker in markers if marker.id in self._floor_tags])
         return markers
+
+    def _off_their_places(self, markers: list[Marker]) -> tuple[tuple[float, float], ...]:
+        if not markers:
+            return ()
+        places = np.array([self._floor_tags[marker.id] for marker in markers])
+        corners = np.stack([marker.corners for marker in markers])
+        whole = self.floor.margin(corners).min(axis=1) >= _CUT
+        middles = self.floor.to_metres(corners, places[:, 2:]).mean(axis=1)
+        return tuple((x, y) for x, y in (middles - places[:, :2])[whole].tolist())
+
+    def _lost(self) -> bool:
+        """Whether a tag that was seen lately is not, though it cannot have left the picture."""
+        hidden = [track.marker.corners for track in self._tracks if track.missed > 0]
+        return bool(hidden) and bool((self.floor.margin(np.stack(hidden)).min(axis=1) > _CUT).any())
 
     def _follow(self, markers: list[Marker]) -> None:
         """Assign markers to tracks, nearest first; the others start new tracks."""

@@ -38,7 +38,11 @@ class Marker:
         return 0.25 * (math.dist(a, b) + math.dist(b, c) + math.dist(c, d) + math.dist(d, a))
 
     def is_same_as(self, other: Marker) -> bool:
-        """Whether both are the same print: the same number at nearly the same position."""
+        """Whether both are the same print: the same number at nearly the same position.
+
+        Args:
+            other: another marker of the same picture.
+        """
         return self.id == other.id and math.dist(self.centre, other.centre) < 0.5 * max(self.side, other.side)
 
     def moved(self, u: float, v: float) -> Marker:

@@ -30,7 +30,8 @@ def make_localizer(scenario: Scenario, name: str) -> Localizer:
     except ValueError as error:
         raise ConfigError(f"camera.{name}.family", got=repr(camera.family), expected=f"a family: {error}") from error
     model = camera_model(name, camera, scenario.arena)
-    return Localizer(name, FloorMap(model), detector, tags, corner_noise=camera.sigma_pixels)
+    floor_tags = camera.calibration.floor_places if camera.calibration is not None else {}
+    return Localizer(name, FloorMap(model), detector, tags, floor_tags=floor_tags, corner_noise=camera.sigma_pixels)
 
 
 def make_fusion(scenario: Scenario) -> Fusion:

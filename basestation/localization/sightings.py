@@ -42,6 +42,7 @@ class Sightings:
         robots: the robots seen, each at most once; empty unless the frame is good.
         frame: whether the frame could be used.
         complaints: problems with the camera or with the tags in its view, for the operator.
+        floor_off: how far from its known place each tag on the floor was seen (x, y) [m, world].
     """
 
     camera: str
@@ -49,6 +50,7 @@ class Sightings:
     robots: tuple[Sighting, ...] = ()
     frame: FrameQuality = "good"
     complaints: tuple[str, ...] = ()
+    floor_off: tuple[tuple[float, float], ...] = ()
 
 
 class SightingSource(Protocol):

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
 
 from basestation.sources.source import FrameSource, Picture, Shot, grey
 from muro_zenoh.errors import CameraError
+
+# FFmpeg and OpenCV would write lines of their own about a damaged video, before we say which it is.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 
 _IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 

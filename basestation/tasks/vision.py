@@ -72,7 +72,13 @@ class CameraOnBus:
         late = self._late(frame, captured)
         if late is not None:
             return late
-        return Sightings(camera=self._name, captured=captured, robots=found.robots, complaints=found.complaints)
+        return Sightings(
+            camera=self._name,
+            captured=captured,
+            robots=found.robots,
+            complaints=found.complaints,
+            floor_off=found.floor_off,
+        )
 
     def _late(self, frame: Received[Frame], captured: float) -> Sightings | None:
         """Nothing seen, and why, when a frame is too old by now: the robots have moved since."""
@@ -92,15 +98,17 @@ class CameraOnBus:
 
 
 class Found(NamedTuple):
-    """What a frame shows: the ``robots``, and ``complaints`` about the tags in it, for the operator."""
+    """What a frame shows: the ``robots``, ``complaints`` about the tags in it, for the operator, and ``floor_off``: how
+    far from their places the tags on the floor are."""
 
     robots: tuple[Sighting, ...]
     complaints: tuple[str, ...]
+    floor_off: tuple[tuple[float, float], ...] = ()
 
 
 def _locate_tags(localizer: Localizer, frame: Frame) -> Found:
     robots = localizer.locate(decode_frame(frame.format, frame.width, frame.height, frame.data))
-    return Found(tuple(robots), localizer.complaints)
+    return Found(tuple(robots), localizer.complaints, localizer.floor_off)
 
 
 def cameras_on_bus(bus: Bus, scenario: Scenario, executor: Executor) -> list[SightingSource]:

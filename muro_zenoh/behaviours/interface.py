@@ -50,8 +50,8 @@ class Vehicle(NamedTuple):
 
 class Neighbour(NamedTuple):
     """A robot as the cameras last saw it: ``name``; ``x``, ``y`` [m, world], ``theta`` [rad], ``v`` [m/s],
-    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``disagrees``, ``stale`` or
-    ``lost``."""
+    ``omega`` [rad/s]; ``age`` of the fix behind it, up to now [s]; ``state``: ``tracking``, ``silent``, ``disagrees``,
+    ``stale`` or ``lost``."""
 
     name: str
     x: float
@@ -69,7 +69,7 @@ def is_visible(robot: RobotSeen) -> bool:
     Args:
         robot: a robot of a snapshot.
     """
-    return robot.state in ("tracking", "disagrees")
+    return robot.state in ("tracking", "silent", "disagrees")
 
 
 class Snapshot(NamedTuple):

@@ -75,7 +75,7 @@ class Report:
     Attributes:
         plan: the check.
         results: the results of the trials that count, by seed.
-        replaced: the seeds of trials that did not count, each with what it lacked.
+        replaced: the results of trials that did not count, by seed: they broke nothing, but lacked something.
         failures: why trials have no result, by seed: they crashed or hung.
         unlike: the seeds whose second run was not like the first.
         repeated: number of trials that were run twice.
@@ -86,7 +86,7 @@ class Report:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.results: dict[int, Result] = {}
-        self.replaced: dict[int, str] = {}
+        self.replaced: dict[int, Result] = {}
         self.failures: dict[int, str] = {}
         self.unlike: list[int] = []
         self.repeated = 0
@@ -115,9 +115,9 @@ class Report:
 
     @property
     def met(self) -> Counter[Cell]:
-        """How many trials met each cell of the coverage table."""
+        """How many trials met each cell of the coverage table; those that did not count, too, for they were judged."""
         met: Counter[Cell] = Counter()
-        for result in self.results.values():
+        for result in (*self.results.values(), *self.replaced.values()):
             met.update(result.met)
         return met
 
@@ -152,7 +152,7 @@ class Report:
         if self.gave_up:
             problems.append(
                 f"got {len(self.replaced)} trials that do not count, expected at most {MOST_REPLACED} for each that "
-                f"does; the last one: {list(self.replaced.values())[-1]}"
+                f"does; the last one: {list(self.replaced.values())[-1].lacks}"
             )
         if self.interrupted:
             return problems
@@ -222,7 +222,7 @@ def _run_all(report: Report, workers: Workers[Task, Result], screen: Screen) -> 
                 if task.seed % AGAIN == plan.seed % AGAIN:
                     to_repeat.append(result)
             else:
-                report.replaced[task.seed] = result.lacks
+                report.replaced[task.seed] = result
         screen.show(report)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
 from muro_zenoh.checking.contacts import STANDING, disturbances
 from muro_zenoh.checking.judgement import Breach, Judgement, between, episodes
+from muro_zenoh.checking.operator import Ordered
 from muro_zenoh.checking.record import PERIOD, Flags, Record
 
 COMMAND_AGE: Final = 0.45
@@ -18,6 +20,9 @@ CAMERA_AGE: Final = 0.6
 
 _SLACK: Final = 1.5 * PERIOD
 """A time is seen this much too late at most [s]: by the sampling and by the base's beat."""
+
+_RECOVERED: Final = 3.0
+"""Links and processes work again this time after a fault [s]."""
 
 _TRAVEL_SLACK: Final = 0.01
 """Of a braking distance: the wheels' last step, and slip [m]."""
@@ -91,22 +96,63 @@ def braking(record: Record) -> Judgement:
 
 
 def stop(record: Record) -> Judgement:
-    """Judge a record: a stopped robot stands.
+    """Judge a record: a stopped robot stands, and a robot that is ordered to stop is stopped.
 
     Args:
         record: the record.
     """
-    evaluated, breaches = 0, []
     driving = np.any(record.command != 0.0, axis=2) & ~_driven_by_others(record)
-    # One without an answer may have been accepted: the answer was lost.
-    resumes = [given.time for given in record.orders if given.order.kind == "resume" and given.accepted is not False]
+    latched, ordered = _latched(record, driving), _ordered(record, driving)
+    return Judgement(latched.evaluated + ordered.evaluated, latched.breaches + ordered.breaches)
+
+
+def _ordered(record: Record, driving: Flags) -> Judgement:
+    """Robots that no fault concerns obey at once, also those that do not say that they have latched the stop."""
+    evaluated, breaches = 0, []
+    for given in record.orders:
+        if given.order.kind != "stop":
+            continue
+        begin = given.time + COMMAND_AGE + _SLACK
+        for name in given.order.robots or record.names:
+            i = record.names.index(name)
+            effects = [effect for effect in record.effects if name in effect.robots]
+            if any(effect.start < begin and effect.end > given.time - _RECOVERED for effect in effects):
+                continue
+            evaluated += 1
+            if record.latched[between(record, given.time, begin), i].any():
+                continue  # from then on it is judged by that
+            resumes = (o.time for o in _resumes(record, name) if o.answered > given.time)
+            end = min([*resumes, *(effect.start for effect in effects if effect.start >= begin)], default=math.inf)
+            wrong = between(record, begin, end) & driving[:, i]
+            if wrong.any():
+                at = float(record.time[np.argmax(wrong)])
+                breaches.append(Breach("stop", at, (name,), f"{name} drives although it was ordered to stop"))
+    return Judgement(evaluated, tuple(breaches))
+
+
+def _resumes(record: Record, name: str) -> list[Ordered]:
+    """Those that may have lifted a robot's stop; one without an answer may have been accepted: the answer was lost."""
+    return [
+        given
+        for given in record.orders
+        if given.order.kind == "resume"
+        and given.accepted is not False
+        and (not given.order.robots or name in given.order.robots)
+    ]
+
+
+def _latched(record: Record, driving: Flags) -> Judgement:
+    evaluated, breaches = 0, []
     for i, name in enumerate(record.names):
+        resumes = _resumes(record, name)
         deaths = [effect.start for effect in record.effects_on(name, "crash", "restart")]
         for first, _ in episodes(record.latched[:, i]):
             evaluated += 1
             begin = float(record.time[first])
             # A latch that opens without a resume is a breach like one that does not hold, so it holds until then.
-            ends = [time for time in (*resumes, *deaths) if time > begin]
+            # One that was on its way when the robot latched the stop (both held up by a frozen router) may lift it.
+            lifts = [max(given.time, begin) for given in resumes if given.answered > begin]
+            ends = [*lifts, *(time for time in deaths if time > begin)]
             end = min(ends, default=float(record.time[-1]))
             wrong = between(record, begin + COMMAND_AGE + _SLACK, end) & driving[:, i]
             if wrong.any():

@@ -35,12 +35,19 @@ class Report(NamedTuple):
 
 
 class Ordered(NamedTuple):
-    """An ``order`` that was given at ``time`` [s], and whether it was ``accepted``; None when no answer came, so it may
-    have been."""
+    """An order that was given.
+
+    Attributes:
+        time: when [s].
+        order: the order.
+        accepted: whether it was; None when no answer came, so it may have been.
+        answered: when the answer came, or was waited for no longer [s]: until then it may have taken effect.
+    """
 
     time: float
     order: OrderRow
     accepted: bool | None
+    answered: float
 
 
 class Operator:
@@ -87,23 +94,29 @@ class Operator:
     async def _give(self, fleet: VirtualFleet, order: OrderRow) -> None:
         await asyncio.sleep(order.at - fleet.elapsed)
         # A resume lifts a stop as soon as it is given: what came of it is known later.
-        given, accepted = fleet.elapsed, None
+        given, accepted, answered = fleet.elapsed, None, None
         try:
             with contextlib.suppress(MuroError):  # nobody answered
-                accepted = await _GIVE[order.kind](fleet.operator, order, self._scenario)
+                accepted, answered = await _GIVE[order.kind](fleet.operator, order, self._scenario)
         finally:
-            self.orders.append(Ordered(given, order, accepted))
+            now = fleet.operator.clock.now()
+            self.orders.append(Ordered(given, order, accepted, fleet.elapsed + (answered or now) - now))
 
 
-async def _stop(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
-    return (await stop_robots(bus, order.robots)).confirmed
+Answer = tuple[bool, float]
+"""Whether an order was accepted, and when its answer came [s since 1970]."""
 
 
-async def _resume(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
-    return (await resume_robots(bus, order.robots)).reply.accepted
+async def _stop(bus: Bus, order: OrderRow, scenario: Scenario) -> Answer:
+    return (await stop_robots(bus, order.robots)).confirmed, bus.clock.now()
 
 
-async def _set_behaviour(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
+async def _resume(bus: Bus, order: OrderRow, scenario: Scenario) -> Answer:
+    result = await resume_robots(bus, order.robots)
+    return result.reply.accepted, result.answered
+
+
+async def _set_behaviour(bus: Bus, order: OrderRow, scenario: Scenario) -> Answer:
     common = BehaviourSettings(name=order.behaviour, parameters=order.parameters)
     of_each = {name: scenario.behaviour_of(name, common) for name in order.robots or scenario.robots}
     if all(own == common for own in of_each.values()):
@@ -113,7 +126,7 @@ async def _set_behaviour(bus: Bus, order: OrderRow, scenario: Scenario) -> bool:
             SetBehaviour(behaviour=own.name, parameters=own.parameters, names=(name,)) for name, own in of_each.items()
         ]
     replies = [await bus.ask(channels.SET_BEHAVIOUR, each) for each in orders]
-    return all(reply.accepted for reply in replies)
+    return all(reply.accepted for reply in replies), bus.clock.now()
 
 
 _GIVE = {"stop": _stop, "resume": _resume, "behaviour": _set_behaviour}

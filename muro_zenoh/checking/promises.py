@@ -28,8 +28,9 @@ braking (C)
     Every stop of an undisturbed robot that was commanded zero until it stood: from then on it travelled no further than
     its braking distance, at the speed that it had.
 stop
-    Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume is given and
-    not refused, or the agent dies.
+    Every robot that is ordered to stop and that no fault concerns then: its wheels are commanded zero 0.45 s later.
+    Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume that is not
+    refused is given, or is on its way, or the agent dies.
 inside
     Every robot, at every sample: its body is inside the arena. One that was disturbed, from when it has been in once.
 behaves

@@ -20,6 +20,7 @@ ROBOTS: Final = 10
 DURATION: Final = 32.0
 """Of a random trial [s]."""
 
+_NAMES: Final = tuple(f"r{number}" for number in range(1, ROBOTS + 1))
 _CAMERA = "north"
 _STARTING = 0.6
 """Most robots drive after this time [s]."""
@@ -29,6 +30,10 @@ _ROOM = 0.45
 
 _SETTLE = 1.2
 """An order is obeyed by all robots after this time [s], if nothing is wrong."""
+
+_LONGEST_HOLD: Final = 2.0
+"""Robots that are to hold when a fault begins are ordered to drive again after this time at most [s]: jammed wheels do
+nothing before."""
 
 _ORDER: Final = np.random.default_rng(8).permutation(len(CELLS))
 
@@ -42,18 +47,25 @@ def random_trial(seed: int) -> Scenario:
         seed: of everything in it.
     """
     draw = _Draw(seed)
-    robots = [f"r{number}" for number in range(1, ROBOTS + 1)]
+    robots = list(_NAMES)
     cell = CELLS[_ORDER[seed % len(CELLS)]]
     begin = draw.begin(cell.activity)
     first = draw.fault(cell.kind, draw.choice(_places(cell.kind, cell.role)), robots, [_CAMERA], begin)
     common = draw.behaviour([])
     own = [draw.behaviour([name]) for name in robots] if draw.chance(0.2) else []
-    orders = [*own, *draw.state(cell.activity, begin, first, [common, *own]), *draw.change(robots)]
+    orders = [
+        *own,
+        *draw.state(cell.activity, begin, first, [common, *own]),
+        *draw.change(robots, cell.activity, begin),
+    ]
     circle = {"radius": draw.uniform(0.8, 1.1), "clockwise": draw.chance(0.5)}
     goals, second = draw.goals(robots), draw.any_fault(robots, [_CAMERA])
     if first["target"] in ("basestation", "router") and cell.activity is Activity.DRIVING:
         # A stop that the base station hears late, or not: what it says meanwhile must not lift it.
-        orders += draw.stop(round(begin + draw.uniform(0.0, 0.7) * first["duration"], 3), [])
+        orders += draw.stop_during(first, [])
+    if second["target"] == "basestation":
+        # It learns of a stop of one robot only by that order and by that robot's health.
+        orders += draw.stop_during(second, [draw.choice(robots)])
     table: Row = {
         "description": f"random trial {seed}",
         "robots": ROBOTS,
@@ -76,13 +88,23 @@ def faulty(scenario: Scenario, faults: int, seed: int) -> Scenario:
         faults: number of faults.
         seed: of the faults.
     """
-    draw = _Draw(seed)
+    draw, share = _Draw(seed), min(1.0, scenario.duration / DURATION)
     rows = [draw.any_fault(list(scenario.robots), list(scenario.camera)) for _ in range(faults)]
+    rows = [{**row, "at": round(share * row["at"], 3)} for row in rows]  # else a short trial would end before
     return parse_scenario({**as_table(scenario), "fault": rows}, scenario.name, name=scenario.name)
 
 
 def _places(kind: str, role: str) -> list[Place]:
     return [place for place in KINDS[kind].places if ROLES[place] == role]
+
+
+def _stop_for(at: float, lasts: float, robots: list[str]) -> list[Row]:
+    """A stop and its resume, which is given again in case that nobody answered."""
+    return [
+        {"at": round(at, 3), "kind": "stop", "robots": robots},
+        {"at": round(at + lasts, 3), "kind": "resume", "robots": robots},
+        {"at": round(at + lasts + 3.0, 3), "kind": "resume", "robots": robots},
+    ]
 
 
 class _Draw:
@@ -118,22 +140,31 @@ class _Draw:
 
     # ---- behaviours and orders
 
-    def change(self, robots: list[str]) -> list[Row]:
-        """The change of behaviour, of all robots or half of them; and sometimes a stop that is lifted again."""
+    def change(self, robots: list[str], activity: Activity, begin: float) -> list[Row]:
+        """The change of behaviour, of all robots or half of them; and sometimes a stop that is lifted again. Neither
+        takes the robots of the first fault out of the state in which it is to find them."""
         some = list(self._rng.permutation(robots)[: len(robots) // 2]) if self.chance(0.3) else []
-        rows = [self.behaviour([str(name) for name in some], self.uniform(8.0, 20.0))]
-        if self.chance(0.25):
-            rows += self.stop(self.uniform(4.0, 24.0), [str(self.choice(robots))] if self.chance(0.5) else [])
+        at, stops = self.uniform(8.0, 20.0), self.uniform(4.0, 24.0)
+        if activity is Activity.HOLDING and begin - _SETTLE <= at <= begin:
+            at = round(begin + _LONGEST_HOLD, 3)
+        rows = [self.behaviour([str(name) for name in some], at)]
+        one = [str(self.choice(robots))] if self.chance(0.5) else []
+        if self.chance(0.25) and activity in (Activity.STARTING, Activity.DRIVING):
+            rows += self.stop(max(stops, round(begin + _SETTLE, 3)), one)
         return rows
 
-    def stop(self, at: float, robots: list[str]) -> list[Row]:
-        """A stop and its resume, which is given again in case that nobody answered."""
-        end = at + self.uniform(1.5, 4.0)
-        return [
-            {"at": at, "kind": "stop", "robots": robots},
-            {"at": round(end, 3), "kind": "resume", "robots": robots},
-            {"at": round(end + 3.0, 3), "kind": "resume", "robots": robots},
-        ]
+    def stop_during(self, fault: Row, robots: list[str]) -> list[Row]:
+        """A stop in the midst of a fault, and its resume."""
+        return self.stop(round(fault["at"] + self.uniform(0.0, 0.7) * fault["duration"], 3), robots)
+
+    def stop(self, at: float, robots: list[str], least: float = 1.5) -> list[Row]:
+        """A stop and its resume; often one of another robot's within it, whose resume must not lift this one."""
+        lasts = self.uniform(least, 4.0)
+        rows = _stop_for(at, lasts, robots)
+        if robots and self.chance(0.5):
+            other = self.choice([name for name in _NAMES if name not in robots])
+            rows += _stop_for(at + 0.1 * lasts, self.uniform(0.3, 0.5) * lasts, [other])
+        return rows
 
     def behaviour(self, robots: list[str], at: float = 0.0) -> Row:
         """An order of a behaviour that drives."""
@@ -151,12 +182,14 @@ class _Draw:
         robot = str(fault["target"]).partition("/")[0]
         robots = [] if robot in ("basestation", "camera", "router") else [robot]
         if activity is Activity.STOPPED:
-            return self.stop(begin - self.uniform(_SETTLE, 2.0), robots)
+            return self.stop(begin - self.uniform(_SETTLE, 2.0), robots, least=2.2)
         if activity is Activity.HOLDING:
             hold = {"at": round(begin - _SETTLE, 3), "behaviour": "hold", "robots": robots}
-            end = round(begin + self.uniform(0.5, 2.0), 3)
+            end = round(begin + self.uniform(0.5, _LONGEST_HOLD), 3)
+            again = round(max(end, begin + fault["duration"]) + 0.5, 3)  # in case that the fault kept it out
             mine = [row for row in before if not (robots and row["robots"]) or row["robots"] == robots]
-            return [hold, *({**row, "at": end, "robots": robots or row["robots"]} for row in mine)]
+            back = [{**row, "at": at, "robots": robots or row["robots"]} for at in (end, again) for row in mine]
+            return [hold, *back]
         return []
 
     def any_fault(self, robots: list[str], cameras: list[str]) -> Row:
@@ -177,7 +210,7 @@ class _Draw:
             "kind": kind,
             "target": target,
             "at": at,
-            "duration": self.uniform(0.4, 5.0),
+            "duration": self.uniform(_LONGEST_HOLD + _SETTLE if kind == "halt" else 0.4, 5.0),
             **(_NUMBERS[kind](self) if kind in _NUMBERS else {}),
         }
 

@@ -88,8 +88,8 @@ def _numbers(report: Report) -> Iterator[str]:
         f"{table['times_real_time']:g} times real time on one core"
     )
     if report.replaced:
-        stood = sum(1 for lacks in report.replaced.values() if "%" in lacks)
-        others = [lacks for lacks in report.replaced.values() if "%" not in lacks]
+        stood = sum(1 for result in report.replaced.values() if "%" in result.lacks)
+        others = [result.lacks for result in report.replaced.values() if "%" not in result.lacks]
         yield (
             f"{counted(len(report.replaced), 'more trial')} did not count: {stood} whose robots stood for more than "
             f"half of the time, {len(others)} in which a fault or order came to nothing"

@@ -63,7 +63,7 @@ class ProcessEnd(NamedTuple):
     error: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)  # asyncio.run() asks for the text of a task's result
 class Trace:
     """A run of T steps with N robots. All times are in seconds since the start.
 

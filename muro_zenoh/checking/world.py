@@ -49,10 +49,11 @@ class World(Floor):
     # ---- what befalls the bodies
 
     def _stop_old(self) -> None:
-        old = (self._time - self._given > self._watchdog) & self.commands.any(axis=1)
-        for row in np.flatnonzero(old).tolist():
-            if not self.has_base(row):
-                self.commands[row] = 0.0
+        old = self._time - self._given > self._watchdog
+        if np.count_nonzero(old):
+            for row in np.flatnonzero(old & self.commands.any(axis=1)).tolist():
+                if not self.has_base(row):
+                    self.commands[row] = 0.0
 
     def _step(self) -> None:
         effective = self.commands

@@ -181,8 +181,11 @@ def arena(
         f"on the plane {height:g} m above the floor it is wrong by less than {1e3 * error.worst:.1f} mm (95 %)",
     )
     _show(error, facts, result.inflation)
-    write_camera(out, result.camera, result.covariance, ("muro calibrate arena", *facts))
+    seen_tags = {k: wanted[k] for k in quads}
+    write_camera(out, result.camera, result.covariance, ("muro calibrate arena", *facts), seen_tags)
     _finish(out, picture, error, "camera, 95 % bound")
+    if quads:
+        click.echo("floor tags that stay where they are show the base station whether the camera was moved")
 
 
 @calibrate.command(
@@ -248,7 +251,10 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, bus: BusFlags
     out.mkdir(parents=True, exist_ok=True)
     for k, (name, camera) in enumerate(result.cameras.items()):
         block = slice(15 * k, 15 * k + 15)
-        write_camera(out / f"{name}.toml", camera, result.covariance[block, block], ("muro calibrate drive", *facts))
+        before = session.scenario.camera[name].calibration
+        stay = before.floor_places if before is not None else {}
+        notes = ("muro calibrate drive", *facts)
+        write_camera(out / f"{name}.toml", camera, result.covariance[block, block], notes, stay)
         click.echo(f'{out / f"{name}.toml"}: in the fleet file, [camera.{name}] calibration = "{name}.toml"')
     _draw(picture, error, "all cameras, 95 % bound")
 

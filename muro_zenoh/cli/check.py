@@ -24,6 +24,15 @@ _NEWEST = -1
 """What ``--replay`` without a number means: the seed of ``--seed``."""
 
 
+def _seed(context: click.Context, option: click.Parameter, text: str | None) -> int | None:
+    """The seed of ``--replay``."""
+    if not text:
+        return None if text is None else _NEWEST
+    if not text.isdecimal():
+        raise click.BadParameter(f"got {text!r}, expected a seed: 0 or more")
+    return int(text)
+
+
 @click.command(
     epilog=example(
         "muro check random --trials 1000",
@@ -49,11 +58,11 @@ _NEWEST = -1
 @click.option("--quick", is_flag=True, help="Short trials of few robots without faults: may this behaviour drive?")
 @click.option(
     "--replay",
-    type=click.IntRange(min=_NEWEST),
+    callback=_seed,
     is_flag=False,
-    flag_value=_NEWEST,
+    flag_value="",
     metavar="[SEED]",
-    help="Run the trial of one seed again, and tell what happened.",
+    help="Run the trial of one seed again (without SEED: of --seed), and tell what happened.",
 )
 @click.option("--first", is_flag=True, help="End with the first trial that breaks a promise.")
 @click.option("--shrink", is_flag=True, help="Find the fewest faults and robots that still break the promise.")

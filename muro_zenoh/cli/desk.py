@@ -8,7 +8,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
 from muro_zenoh.errors import MuroError
-from muro_zenoh.orders.stop import resume_robots, stop_robots
+from muro_zenoh.orders.stop import resume_robots, send_stop, stop_robots
 from muro_zenoh.orders.wording import receipt_lines, reply_line
 from muro_zenoh.transport import Bus
 
@@ -26,7 +26,7 @@ class Desk:
 
     Args:
         bus: the bus.
-        say: shows a line to the operator.
+        say: shows a line to the operator, and logs it.
     """
 
     def __init__(self, bus: Bus, say: Callable[[str], None]) -> None:
@@ -45,6 +45,7 @@ class Desk:
         sure = key == "y" and now - self._asked <= _SURE
         self._asked = now if key == "r" else -math.inf
         if key == " ":
+            send_stop(self._bus, ())  # now: the run may end before the task below begins
             self._begin(self._stop(), "stop every robot")
         elif key == "r":
             self._say(f"resume every robot? Press y within {_SURE:g} s; any other key: no")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import select
 import sys
 from collections.abc import Callable, Iterator
 
@@ -54,5 +55,7 @@ def keyboard(press: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         loop.remove_reader(terminal)
+        if select.select([terminal], [], [], 0.0)[0]:
+            read()  # what was pressed as the block ended
         if _in_foreground(terminal):
             termios.tcsetattr(terminal, termios.TCSADRAIN, before)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
@@ -56,7 +56,7 @@ class PlainScreen:
             click.echo(line_of(view))
 
     @contextmanager
-    def operating(self, bus: Bus) -> Iterator[None]:
+    def operating(self, bus: Bus, say: Callable[[str], None]) -> Iterator[None]:
         """Nothing: there are no keys."""
         yield
 
@@ -91,12 +91,12 @@ class TableScreen:
         self._live.update(table_of(view, self._help), refresh=True)
 
     @contextmanager
-    def operating(self, bus: Bus) -> Iterator[None]:
+    def operating(self, bus: Bus, say: Callable[[str], None]) -> Iterator[None]:
         """Let the space bar stop the robots, and r and y resume them, where there is a keyboard."""
         if not has_keyboard():
             yield
             return
-        desk = Desk(bus, self.notify)
+        desk = Desk(bus, say)
         self._help = HELP
         try:
             with keyboard(desk.press):

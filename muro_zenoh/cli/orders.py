@@ -52,13 +52,16 @@ def stop(names: tuple[str, ...], as_json: bool, bus: BusFlags) -> None:
     from muro_zenoh.orders.stop import stop_robots
     from muro_zenoh.orders.wording import receipt_json, receipt_lines
 
+    settings = bus()
+
     async def order(b: Bus) -> int:
         result = await stop_robots(b, names)
-        click.echo(json.dumps(receipt_json(result)) if as_json else "\n".join(receipt_lines(result)))
+        lines = receipt_lines(result, settings.connect or settings.listen)
+        click.echo(json.dumps({**receipt_json(result), "routers": settings.connect}) if as_json else "\n".join(lines))
         return 0 if result.confirmed else 1
 
     _check_names(names)
-    on_bus(order, bus())
+    on_bus(order, settings)
 
 
 @click.command(epilog=example("muro resume", "muro resume r2"))

@@ -14,21 +14,34 @@ from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Break
 
 
-def read_faults(rows: object, origin: Origin, robots: Collection[str], cameras: Collection[str]) -> tuple[Fault, ...]:
+def read_faults(
+    rows: object, duration: float, origin: Origin, robots: Collection[str], cameras: Collection[str]
+) -> tuple[Fault, ...]:
     """The faults of a file.
 
     Args:
         rows: the ``[[fault]]`` tables.
+        duration: of the run [s]; a fault that begins later would never befall anything.
         origin: their origin, for errors.
         robots: the names of the robots.
         cameras: the names of the cameras.
 
     Raises:
-        ConfigError: not tables, an unknown kind, a wrong key, type or range, or a target that there is not.
+        ConfigError: not tables, an unknown kind, a wrong key, type or range, a target that there is not, or a time at
+            which the run is over.
     """
     if not isinstance(rows, Sequence) or isinstance(rows, str):
         raise ConfigError(origin.at("fault"), got=show(rows), expected="tables [[fault]]")
-    return tuple(_read(row, origin, f"fault[{number}]", robots, cameras) for number, row in enumerate(rows))
+    faults = tuple(_read(row, origin, f"fault[{number}]", robots, cameras) for number, row in enumerate(rows))
+    for number, fault in enumerate(faults):
+        if fault.at >= duration:
+            raise ConfigError(
+                origin.at(f"fault[{number}].at"),
+                got=f"{fault.at:g} s",
+                expected=f"a time before the end of the run, which lasts {duration:g} s",
+                hint="Let it begin earlier, or the run last longer.",
+            )
+    return faults
 
 
 def _read(row: object, origin: Origin, path: str, robots: Collection[str], cameras: Collection[str]) -> Fault:
@@ -70,5 +83,4 @@ def fault_of(order: Break, scenario: Scenario, at: float = 0.0) -> Fault:
     row = {**order.numbers, "kind": order.fault, "target": order.target, "at": at}
     if order.duration is not None:
         row["duration"] = order.duration
-    (fault,) = read_faults([row], Origin(""), scenario.robots, tuple(scenario.camera))
-    return fault
+    return _read(row, Origin(""), "fault", scenario.robots, tuple(scenario.camera))

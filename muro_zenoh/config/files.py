@@ -62,6 +62,13 @@ def _read_calibrations(table: dict[str, Any], folder: Path, origin: Origin) -> N
     for name, camera in cameras.items() if isinstance(cameras, dict) else ():
         given = camera.get("calibration") if isinstance(camera, dict) else None
         if isinstance(given, str):
+            if not (folder / given).exists():
+                raise ConfigError(
+                    f"camera.{name}.calibration",
+                    got=f"{given!r}, and there is no such file in {folder}",
+                    expected="a file that muro calibrate wrote",
+                    hint="Leave this line out until then",
+                )
             camera["calibration"] = parse_file(folder / given)
             origin.note(f"camera.{name}.calibration", f"{Path(given).name}: ")
 

@@ -115,10 +115,11 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         for key, value in _table(table, "camera", origin).items()
     }
     robot = _robots(table, origin, robots)
+    duration = read_value(Period, table.get("duration", 60.0), origin, "duration")
     scenario = Scenario(
         name=name,
         description=read_value(str, table.get("description", ""), origin, "description"),
-        duration=read_value(Period, table.get("duration", 60.0), origin, "duration"),
+        duration=duration,
         robot=robot,
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", origin), origin),
@@ -131,7 +132,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
             for key, row in _table(table, "starts", origin).items()
         },
         orders=_rows(OrderRow, table, "order", origin),
-        faults=read_faults(table.get("fault", []), origin, robot, cameras),
+        faults=read_faults(table.get("fault", []), duration, origin, robot, cameras),
         **sections,
     )
     check_feasible(scenario, origin)

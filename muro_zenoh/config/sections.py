@@ -145,10 +145,18 @@ class CalibrationSettings(LensSettings, frozen=True, kw_only=True):
     Attributes:
         position: of the camera [m, world].
         rotation: rotation vector from the world's to the camera's frame [rad].
+        floor_tags: number, x, y and z [m, world] of the middle of each tag on the floor by which it was calibrated.
+            While they lie there, they show whether it was moved.
     """
 
     position: Annotated[tuple[Coordinate, ...], Meta(min_length=3, max_length=3)]
     rotation: Annotated[tuple[Annotated[float, Quantity("rad")], ...], Meta(min_length=3, max_length=3)]
+    floor_tags: tuple[Annotated[tuple[Number, ...], Meta(min_length=4, max_length=4)], ...] = ()
+
+    @property
+    def floor_places(self) -> dict[int, tuple[float, float, float]]:
+        """Where each tag on the floor is, by its number [m, world]."""
+        return {int(number): (x, y, z) for number, x, y, z in self.floor_tags}
 
 
 HUNG = ("x", "y", "z", "heading", "tilt", "fov", "distortion")

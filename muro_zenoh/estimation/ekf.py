@@ -220,24 +220,25 @@ def predict(mean: Mean, P: Covariance, stretch: Stretch, settings: FilterSetting
         settings: the process noise.
     """
     xp = elementwise.of(stretch.theta)
+    xx, xy, xt, xv, xw, yy, yt, yv, yw, tt, tv, tw, vv, vw, ww = P
     dx, dy = stretch.x - mean.x, stretch.y - mean.y
     # F = I but for the columns theta (-dy, dx), s_v (bx, by) and s_omega (cx, cy, turn)
     bx, by = dx / mean.s_v, dy / mean.s_v
     cx, cy, turn = stretch.x_by_w, stretch.y_by_w, stretch.turn
 
     # F P, the rows that change; the columns below the diagonal only where the product needs them
-    x_t = P.xt - dy * P.tt + bx * P.tv + cx * P.tw
-    x_v = P.xv - dy * P.tv + bx * P.vv + cx * P.vw
-    x_w = P.xw - dy * P.tw + bx * P.vw + cx * P.ww
-    x_x = P.xx - dy * P.xt + bx * P.xv + cx * P.xw
-    x_y = P.xy - dy * P.yt + bx * P.yv + cx * P.yw
-    y_t = P.yt + dx * P.tt + by * P.tv + cy * P.tw
-    y_v = P.yv + dx * P.tv + by * P.vv + cy * P.vw
-    y_w = P.yw + dx * P.tw + by * P.vw + cy * P.ww
-    y_y = P.yy + dx * P.yt + by * P.yv + cy * P.yw
-    t_t = P.tt + turn * P.tw
-    t_v = P.tv + turn * P.vw
-    t_w = P.tw + turn * P.ww
+    x_t = xt - dy * tt + bx * tv + cx * tw
+    x_v = xv - dy * tv + bx * vv + cx * vw
+    x_w = xw - dy * tw + bx * vw + cx * ww
+    x_x = xx - dy * xt + bx * xv + cx * xw
+    x_y = xy - dy * yt + bx * yv + cx * yw
+    y_t = yt + dx * tt + by * tv + cy * tw
+    y_v = yv + dx * tv + by * vv + cy * vw
+    y_w = yw + dx * tw + by * vw + cy * ww
+    y_y = yy + dx * yt + by * yv + cy * yw
+    t_t = tt + turn * tw
+    t_v = tv + turn * vw
+    t_w = tw + turn * ww
 
     slip = settings.slip * settings.slip
     along = slip * mean.s_v * stretch.path / xp.maximum(dx * dx + dy * dy, 1e-12)
@@ -263,9 +264,9 @@ def predict(mean: Mean, P: Covariance, stretch: Stretch, settings: FilterSetting
             t_t + turn * t_w + heading,
             t_v,
             t_w,
-            P.vv + walk * stretch.time_v,
-            P.vw,
-            P.ww + walk * stretch.time_w,
+            vv + walk * stretch.time_v,
+            vw,
+            ww + walk * stretch.time_w,
         ),
     )
 
@@ -296,33 +297,34 @@ def correct(
         ``(mean, covariance, nis)``, as if the fix passed the gate.
     """
     xp = elementwise.of(mean.x)
+    xx, xy, xt, xv, xw, yy, yt, yv, yw, tt, tv, tw, vv, vw, ww = P
     # S = L D L^T, of (x, y, theta)
-    dx = 1.0 / (P.xx + fix.xx)
-    syx, stx, syt = P.xy + fix.xy, P.xt + fix.xt, P.yt + fix.yt
+    dx = 1.0 / (xx + fix.xx)
+    syx, stx, syt = xy + fix.xy, xt + fix.xt, yt + fix.yt
     lyx, ltx = syx * dx, stx * dx
-    dy = 1.0 / (P.yy + fix.yy - lyx * syx)
+    dy = 1.0 / (yy + fix.yy - lyx * syx)
     uty = syt - ltx * syx
     lty = uty * dy
-    dt = 1.0 / (P.tt + fix.tt - ltx * stx - lty * uty)
+    dt = 1.0 / (tt + fix.tt - ltx * stx - lty * uty)
     # the innovation in those coordinates
     ex = fix.x - mean.x
     ey = fix.y - mean.y - lyx * ex
     et = xp.wrap(fix.theta - mean.theta) - ltx * ex - lty * ey
     nis = ex * ex * dx + ey * ey * dy + et * et * dt
 
-    # U = B L^-T row by row; the first column is B's
-    xy, yy, ty, vy, wy = P.xy - lyx * P.xx, P.yy - lyx * P.xy, P.yt - lyx * P.xt, P.yv - lyx * P.xv, P.yw - lyx * P.xw
-    xt = P.xt - ltx * P.xx - lty * xy
-    yt = P.yt - ltx * P.xy - lty * yy
-    tt = P.tt - ltx * P.xt - lty * ty
-    vt = P.tv - ltx * P.xv - lty * vy
-    wt = P.tw - ltx * P.xw - lty * wy
+    # U = B L^-T row by row: its first column is B's, b its second, c its third
+    xb, yb, tb, vb, wb = xy - lyx * xx, yy - lyx * xy, yt - lyx * xt, yv - lyx * xv, yw - lyx * xw
+    xc = xt - ltx * xx - lty * xb
+    yc = yt - ltx * xy - lty * yb
+    tc = tt - ltx * xt - lty * tb
+    vc = tv - ltx * xv - lty * vb
+    wc = tw - ltx * xw - lty * wb
     # U D^-1
-    x1, x2, x3 = P.xx * dx, xy * dy, xt * dt
-    y1, y2, y3 = P.xy * dx, yy * dy, yt * dt
-    t1, t2, t3 = P.xt * dx, ty * dy, tt * dt
-    v1, v2, v3 = P.xv * dx, vy * dy, vt * dt
-    w1, w2, w3 = P.xw * dx, wy * dy, wt * dt
+    x1, x2, x3 = xx * dx, xb * dy, xc * dt
+    y1, y2, y3 = xy * dx, yb * dy, yc * dt
+    t1, t2, t3 = xt * dx, tb * dy, tc * dt
+    v1, v2, v3 = xv * dx, vb * dy, vc * dt
+    w1, w2, w3 = xw * dx, wb * dy, wc * dt
 
     passed = nis <= settings.scale_gate
     free_v, free_w = 1.0 * (passed & moved_v), 1.0 * (passed & moved_w)
@@ -336,21 +338,21 @@ def correct(
             xp.clip(mean.s_omega + free_w * (w1 * ex + w2 * ey + w3 * et), low, high),
         ),
         Covariance(
-            P.xx - x1 * P.xx - x2 * xy - x3 * xt,
-            P.xy - x1 * P.xy - x2 * yy - x3 * yt,
-            P.xt - x1 * P.xt - x2 * ty - x3 * tt,
-            P.xv - x1 * P.xv - x2 * vy - x3 * vt,
-            P.xw - x1 * P.xw - x2 * wy - x3 * wt,
-            P.yy - y1 * P.xy - y2 * yy - y3 * yt,
-            P.yt - y1 * P.xt - y2 * ty - y3 * tt,
-            P.yv - y1 * P.xv - y2 * vy - y3 * vt,
-            P.yw - y1 * P.xw - y2 * wy - y3 * wt,
-            P.tt - t1 * P.xt - t2 * ty - t3 * tt,
-            P.tv - t1 * P.xv - t2 * vy - t3 * vt,
-            P.tw - t1 * P.xw - t2 * wy - t3 * wt,
-            P.vv - free_v * (v1 * P.xv + v2 * vy + v3 * vt),
-            P.vw - (free_v + free_w - free_v * free_w) * (v1 * P.xw + v2 * wy + v3 * wt),
-            P.ww - free_w * (w1 * P.xw + w2 * wy + w3 * wt),
+            xx - x1 * xx - x2 * xb - x3 * xc,
+            xy - x1 * xy - x2 * yb - x3 * yc,
+            xt - x1 * xt - x2 * tb - x3 * tc,
+            xv - x1 * xv - x2 * vb - x3 * vc,
+            xw - x1 * xw - x2 * wb - x3 * wc,
+            yy - y1 * xy - y2 * yb - y3 * yc,
+            yt - y1 * xt - y2 * tb - y3 * tc,
+            yv - y1 * xv - y2 * vb - y3 * vc,
+            yw - y1 * xw - y2 * wb - y3 * wc,
+            tt - t1 * xt - t2 * tb - t3 * tc,
+            tv - t1 * xv - t2 * vb - t3 * vc,
+            tw - t1 * xw - t2 * wb - t3 * wc,
+            vv - free_v * (v1 * xv + v2 * vb + v3 * vc),
+            vw - (free_v + free_w - free_v * free_w) * (v1 * xw + v2 * wb + v3 * wc),
+            ww - free_w * (w1 * xw + w2 * wb + w3 * wc),
         ),
         nis,
     )

@@ -6,9 +6,12 @@ in (-pi, pi], right-handed world frame (REP 103).
 """
 
 from muro_zenoh.messages.base import (
+    MOST_NAMES,
     Covariance,
     Message,
     Name,
+    Names,
+    Order,
     Value,
 )
 from muro_zenoh.messages.codec import (
@@ -58,6 +61,7 @@ from muro_zenoh.messages.telemetry import (
 
 __all__ = [
     "MAX_PAYLOAD",
+    "MOST_NAMES",
     "VERSION",
     "AskTime",
     "BaseState",
@@ -79,7 +83,9 @@ __all__ = [
     "LeaseState",
     "Message",
     "Name",
+    "Names",
     "Odometry",
+    "Order",
     "PlannedPath",
     "PoseFix",
     "Reply",

@@ -21,6 +21,13 @@ Name = Annotated[str, Meta(pattern=_NAME)]
 """A robot's, a camera's or a process's name."""
 
 
+MOST_NAMES = 1000
+"""A list has at most so many names."""
+
+Names = Annotated[tuple[Name, ...], Meta(max_length=MOST_NAMES)]
+"""Robots."""
+
+
 @lru_cache(maxsize=64)
 def require_names(names: tuple[str, ...]) -> None:
     """Refuse texts that are not a :data:`Name`. Results are cached, because the same names are checked again and again.
@@ -68,6 +75,19 @@ class Message(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             require_usable(name, getattr(self, name))
 
 
+class Order(Message, frozen=True, kw_only=True):
+    """Base of the orders that are refused once their sender waits for an answer no longer.
+
+    Attributes:
+        until: the end of that wait [s since 1970, a base station's clock]; nil when the sender has not asked for the
+            time, and takes an order at any age for given.
+        clock: the ``epoch`` of that base station.
+    """
+
+    until: float | None = None
+    clock: Annotated[int, Meta(ge=0)] = 0
+
+
 @cache
 def _number_fields(
     kind: type[Message],
@@ -103,12 +123,12 @@ def require_usable(field: str, value: Any) -> None:
     Raises:
         ValueError: a number is refused.
     """
-    if isinstance(value, float):
-        if not abs(value) <= LARGEST:
-            raise ValueError(f"{field}: got {value}, expected a finite number of at most {LARGEST:g}")
-    elif isinstance(value, tuple):
-        for item in value:
+    for item in value if isinstance(value, tuple) else (value,):
+        if isinstance(item, float):
+            if not abs(item) <= LARGEST:
+                raise ValueError(f"{field}: got {item}, expected a finite number of at most {LARGEST:g}")
+        elif isinstance(item, tuple):
             require_usable(field, item)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            require_usable(f"{field}.{key}", item)
+        elif isinstance(item, dict):
+            for key, inner in item.items():
+                require_usable(f"{field}.{key}", inner)

@@ -8,10 +8,13 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from muro_zenoh.messages.base import Message, Name, require_usable
+from muro_zenoh.messages.base import MOST_NAMES, Message, Names, require_usable
 
 Text = Annotated[str, Meta(max_length=128)]
 """A program's or an operator's name."""
+
+MOST_LEASES = MOST_NAMES
+"""There are at most so many leases: no two of them cover one robot."""
 
 
 class Lease(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -29,7 +32,7 @@ class Lease(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     program: Text
     operator: Text
     epoch: Annotated[int, Meta(gt=0)]
-    names: tuple[Name, ...] = ()
+    names: Names = ()
     since: float
     left: Annotated[float, Meta(ge=0)] = 0.0
 
@@ -62,14 +65,14 @@ class TakeLease(Message, frozen=True, kw_only=True):
 
     program: Text
     operator: Text
-    names: tuple[Name, ...] = ()
+    names: Names = ()
     release: bool = False
 
 
 class LeaseState(Message, frozen=True, kw_only=True):
     """All leases that are in force."""
 
-    leases: tuple[Lease, ...] = ()
+    leases: Annotated[tuple[Lease, ...], Meta(max_length=MOST_LEASES)] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,12 +8,12 @@ from typing import Annotated
 from msgspec import Meta, field
 
 from muro_zenoh import geometry
-from muro_zenoh.messages.base import Message, Name, Value
+from muro_zenoh.messages.base import Message, Name, Names, Order, Value
 from muro_zenoh.messages.lease import Text
 from muro_zenoh.quantities import LEAST
 
 
-class Goal(Message, frozen=True, kw_only=True):
+class Goal(Order, frozen=True, kw_only=True):
     """An order to a robot: drive to a goal; ``theta`` is nil when the heading does not matter. ``operator``: whose
     order it is."""
 
@@ -64,7 +64,7 @@ class StopOrder(Message, frozen=True, kw_only=True):
     """The whole stop state, never a difference: all robots (``all``), or those in ``names``."""
 
     all: bool
-    names: tuple[Name, ...] = ()
+    names: Names = ()
     revision: Annotated[int, Meta(ge=0)] = 0
 
 
@@ -100,11 +100,11 @@ class Health(Message, frozen=True, kw_only=True):
     behaviour_revision: int = 0
     stop_latched: bool = False
     stop_all: bool = False
-    stop_names: tuple[Name, ...] = ()
+    stop_names: Names = ()
     stop_revision: int = 0
 
 
-class SetCircle(Message, frozen=True, kw_only=True):
+class SetCircle(Order, frozen=True, kw_only=True):
     """An order to the base station: change the circle. What is nil stays unchanged. ``operator``: whose order it is."""
 
     x: float | None = None
@@ -114,30 +114,30 @@ class SetCircle(Message, frozen=True, kw_only=True):
     operator: Text = ""
 
 
-class SetBehaviour(Message, frozen=True, kw_only=True):
+class SetBehaviour(Order, frozen=True, kw_only=True):
     """An order to the base station: change the behaviour of ``names`` (empty: all robots). ``operator``: whose order it
     is."""
 
     behaviour: str
     parameters: dict[str, Value] = field(default_factory=dict)
-    names: tuple[Name, ...] = ()
+    names: Names = ()
     operator: Text = ""
 
 
 class Stop(Message, frozen=True, kw_only=True):
     """An order to the base station: stop ``names`` (empty: all robots)."""
 
-    names: tuple[Name, ...] = ()
+    names: Names = ()
 
 
-class Resume(Message, frozen=True, kw_only=True):
+class Resume(Order, frozen=True, kw_only=True):
     """An order to the base station: lift the stop of ``names`` (empty: all robots) up to ``revision``."""
 
     revision: Annotated[int, Meta(ge=0)]
-    names: tuple[Name, ...] = ()
+    names: Names = ()
 
 
-class Clear(Message, frozen=True, kw_only=True):
+class Clear(Order, frozen=True, kw_only=True):
     """An order to the base station: forget a robot's last position, because it was carried away."""
 
     name: Name
@@ -168,9 +168,9 @@ class FaultList(Message, frozen=True, kw_only=True):
 
 
 class AskTime(Message, frozen=True, kw_only=True):
-    """A question to the base station whose four time stamps measure the asker's clock (``stamp`` is the first, the
-    Reply has the next two). ``offset``: what the asker has to add to its clock to have the base station's, as far as it
-    has measured that [s]; nil before the first answer."""
+    """A question to the base station, or an agent's to its base, whose four time stamps measure the asker's clock
+    (``stamp`` is the first, the Reply has the next two). ``offset``: what the asker has to add to its clock to have the
+    answerer's, as far as it has measured that [s]; nil before the first answer."""
 
     offset: float | None = None
 

@@ -67,9 +67,10 @@ class Calibration(Message, frozen=True, kw_only=True):
     sigma: float
 
 
-RobotStatus = Literal["tracking", "disagrees", "stale", "lost"]
-"""``tracking``: seen now. ``disagrees``: seen, but away from the agent's estimate. ``stale``: not seen for a short
-time. ``lost``: not seen for a longer time; it remains an obstacle at its last position."""
+RobotStatus = Literal["tracking", "silent", "disagrees", "stale", "lost"]
+"""``tracking``: seen now. ``silent``: seen, but its agent says nothing, so that nobody knows how fast it drives.
+``disagrees``: seen, but away from the agent's estimate. ``stale``: not seen for a short time. ``lost``: not seen for a
+longer time; it remains an obstacle at its last position."""
 
 
 class RobotState(Struct, frozen=True, forbid_unknown_fields=True):

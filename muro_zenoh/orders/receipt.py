@@ -25,6 +25,7 @@ class StopStatus(Enum):
     NO_ODOMETRY = "no odometry"
     UNCONFIRMED = "unconfirmed"
     NOT_ALIVE = "not alive"
+    UNKNOWN = "unknown"
 
 
 class StopReceipt(NamedTuple):
@@ -35,7 +36,8 @@ class StopReceipt(NamedTuple):
         latched: when its agent latched the stop, after the order [s].
         at_rest: when its wheels came to rest, after the order [s].
         travelled: how far it went since the order, by its wheels [m].
-        silent: how long its agent, or its wheels when only they are missing, have been silent [s].
+        silent: how long its agent, or its wheels when only they are missing, have been silent [s]; where nothing was
+            heard of them at all, the time since the order.
     """
 
     status: StopStatus
@@ -90,22 +92,22 @@ class RobotWatch:
         elif self._at_rest is None:
             self._at_rest = self._after(odometry.arrival)
 
-    def receipt(self, now: float, *, alive: bool) -> StopReceipt:
+    def receipt(self, now: float, *, alive: bool, known: bool = True) -> StopReceipt:
         """What is known now.
 
         Args:
             now: the time [s].
             alive: whether its agent is.
+            known: whether there is a robot of that name: its agent is or was alive, or the cameras have seen it.
         """
-        agent = self._health.age(now) if self._health is not None else None
+        silent: float | None = self._health.age(now) if self._health is not None else now - self._ordered
         wheels = self._odometry.age(now) if self._odometry is not None else None
-        silent = agent
         if not alive:
-            status = StopStatus.NOT_ALIVE
+            status = StopStatus.NOT_ALIVE if known else StopStatus.UNKNOWN
         elif self._latched is None:
             status = StopStatus.UNCONFIRMED
         elif wheels is None or not wheels <= _SILENT:
-            status, silent = StopStatus.NO_ODOMETRY, wheels
+            status, silent = StopStatus.NO_ODOMETRY, now - self._ordered if wheels is None else wheels
         elif self._at_rest is None:
             status = StopStatus.MOVING
         else:

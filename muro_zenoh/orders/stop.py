@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, NoReply
-from muro_zenoh.messages import Reply, Resume, Stop, StopOrder
+from muro_zenoh.messages import MOST_NAMES, Reply, Resume, Stop, StopOrder
 from muro_zenoh.orders.receipt import RobotWatch, StopReceipt, StopStatus
 from muro_zenoh.transport import Bus, Publisher
 
@@ -33,11 +33,13 @@ class StopResult(NamedTuple):
         reply: the base station's; None when it did not answer.
         robots: the receipt of each robot that was named, or of each that is known when none was: by its agent, or by
             the base station's snapshot.
+        known: the robots that are known.
     """
 
     sent: float
     reply: Reply | None
     robots: dict[str, StopReceipt]
+    known: tuple[str, ...] = ()
 
     @property
     def confirmed(self) -> bool:
@@ -49,10 +51,28 @@ class StopResult(NamedTuple):
 
 
 class ResumeResult(NamedTuple):
-    """What came of lifting a stop: the base station's ``reply``, and the robots that are ``still_stopped``."""
+    """What came of lifting a stop.
+
+    Attributes:
+        reply: the base station's.
+        answered: when that came [s since 1970].
+        still_stopped: the robots that report so.
+    """
 
     reply: Reply
+    answered: float
     still_stopped: tuple[str, ...] = ()
+
+
+def send_stop(bus: Bus, names: tuple[str, ...]) -> None:
+    """Send a stop straight to the robots, once and now. :func:`stop_robots` repeats it, and asks the base station.
+
+    Args:
+        bus: the bus.
+        names: which; none for all.
+    """
+    with closing(bus.publisher(channels.STOP, keep=False)) as orders:
+        orders.put(StopOrder(all=not names, names=names))
 
 
 async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
@@ -82,7 +102,7 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
             reply: Reply | None = await asking
         except MuroError:
             reply = None
-        return StopResult(watch.sent, reply, watch.receipts())
+        return StopResult(watch.sent, reply, watch.receipts(), watch.known)
 
 
 class _Watch:
@@ -103,6 +123,12 @@ class _Watch:
         self._roster = bus.roster()
         self._robots: defaultdict[str, RobotWatch] = defaultdict(lambda: RobotWatch(self.sent))
         self._addressed = set(names)
+        self._known: set[str] = set()
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """The robots whose agents are or were alive, or that the cameras have seen."""
+        return tuple(sorted(self._known))
 
     def close(self) -> None:
         """Listen no more."""
@@ -114,15 +140,17 @@ class _Watch:
         known = self._stop_state.get()
         before = known.message if known is not None else StopOrder(all=False)
         names = tuple(sorted({*before.names, *self._names}))
-        orders.put(StopOrder(all=before.all or not self._names, names=names, revision=before.revision))
+        everybody = before.all or not self._names or len(names) > MOST_NAMES
+        orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))
 
     def receipts(self) -> dict[str, StopReceipt]:
         """What is known by now, by the robot's name."""
         alive = self._roster.of("agent")
+        self._known.update(alive)  # one that disappears meanwhile has not confirmed, either
+        if (seen := self._snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before
+            self._known.update(robot.name for robot in seen.message.robots)
         if not self._names:
-            self._addressed.update(alive)  # one that disappears meanwhile has not confirmed, either
-            if (seen := self._snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before
-                self._addressed.update(robot.name for robot in seen.message.robots)
+            self._addressed |= self._known
         for odometry in self._odometry.drain():
             self._robots[odometry.name].take_odometry(odometry)
         now = self._clock.now()
@@ -131,7 +159,7 @@ class _Watch:
             robot = self._robots[name]
             if (health := self._health.get(name)) is not None:
                 robot.take_health(health)
-            found[name] = robot.receipt(now, alive=name in alive)
+            found[name] = robot.receipt(now, alive=name in alive, known=name in self._known)
         return found
 
 
@@ -157,8 +185,9 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
                 "lift a stop. Is `muro basestation` running, and on this router?"
             )
         reply = await bus.ask(channels.RESUME, Resume(revision=known.message.revision, names=names))
+        answered = bus.clock.now()
         if not reply.accepted:
-            return ResumeResult(reply)
+            return ResumeResult(reply, answered)
 
         def still_stopped() -> tuple[str, ...]:
             alive = roster.of("agent")
@@ -166,7 +195,7 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
             return tuple(n for n in addressed if not (report := health.get(n)) or report.message.stop_latched)
 
         await until(lambda: not still_stopped(), _CONFIRMATION_TIMEOUT)
-        return ResumeResult(reply, still_stopped())
+        return ResumeResult(reply, answered, still_stopped())
 
 
 async def until(condition: Callable[[], bool], timeout: float) -> None:

@@ -17,24 +17,35 @@ _WORDS = {
     StopStatus.NO_ODOMETRY: "has latched the stop; whether its wheels turn is unknown",
     StopStatus.UNCONFIRMED: "DOES NOT CONFIRM",
     StopStatus.NOT_ALIVE: "is not alive, so it does not confirm",
+    StopStatus.UNKNOWN: "no robot of this name is known",
 }
 
 _HEAD = ("robot", "latched after", "at rest after", "travelled", "")
 
 
-def receipt_lines(result: StopResult) -> list[str]:
+def receipt_lines(result: StopResult, routers: tuple[str, ...] = ()) -> list[str]:
     """A stop's result as lines of text: a row per robot, then who is missing.
 
     Args:
         result: what came of the stop.
+        routers: where it was sent; none for the fleet that everybody looks at.
     """
     sent = time.strftime("%H:%M:%S", time.localtime(result.sent)) + f".{int(result.sent % 1.0 * 1e3):03d}"
-    lines = [f"stop sent {sent}", reply_line(result.reply)]
+    lines = [f"stop sent {sent}" + (f" to the router {', '.join(routers)}" if routers else "")]
+    lines.append(reply_line(result.reply))
+    if routers and result.reply is None and not result.known:
+        lines.append(
+            "Is the fleet on another router? `muro run` says which when it has one of its own: name it with --connect"
+        )
     if not result.robots:
         return [*lines, "no robot is alive"]
     rows = [_HEAD, *(_row(name, receipt) for name, receipt in result.robots.items())]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
     lines += ["  ".join([*map(str.ljust, row[:-1], widths), row[-1]]).rstrip() for row in rows]
+    if any(receipt.status is StopStatus.UNKNOWN for receipt in result.robots.values()):
+        lines.append(
+            f"known robots: {' '.join(result.known) or 'none'}; the stop holds for the others, should they come"
+        )
     return [*lines, _total(result)]
 
 
@@ -101,8 +112,11 @@ def _missing(robots: Iterable[tuple[str, StopReceipt]]) -> Iterable[str]:
         if receipt.status is StopStatus.MOVING:
             yield f"{name} still moves"
             continue
+        if receipt.status is StopStatus.UNKNOWN:
+            yield f"{name} unknown"
+            continue
         who = f"the wheels of {name}" if receipt.status is StopStatus.NO_ODOMETRY else name
-        yield f"{who} silent for {receipt.silent:.1f} s" if receipt.silent is not None else f"no word from {who}"
+        yield f"{who} silent for {receipt.silent:.1f} s"
 
 
 def _number(value: float | None, form: str, unit: str) -> str:

@@ -302,11 +302,13 @@ def _rays_of_pixels(model: CameraModel) -> NDArray[np.float32]:
 
 def _smear(blur: float, u: float, v: float) -> NDArray[np.float64]:
     """The kernel of a blur [px] and of a motion from (-u, -v) to (u, v) [px]."""
-    spread = np.array(((u * u, u * v), (u * v, v * v))) / 3.0 + max(blur * blur, 0.05) * np.eye(2)
-    reach = min(math.ceil(2.5 * math.sqrt(float(np.trace(spread)))), 15)
+    optics = max(blur * blur, 0.05)
+    xx, xy, yy = u * u / 3.0 + optics, u * v / 3.0, v * v / 3.0 + optics
+    reach = min(math.ceil(2.5 * math.sqrt(xx + yy)), 15)
     steps = np.arange(-reach, reach + 1.0)
-    du, dv = np.meshgrid(steps, steps)
-    (a, b), (_, d) = np.linalg.inv(spread)
-    kernel = np.exp(-0.5 * (a * du * du + 2.0 * b * du * dv + d * dv * dv))
+    # The inverse of the covariance by hand: ten robots a picture, and numpy's took a fifth of the picture's time.
+    half, squares = 0.5 / (xx * yy - xy * xy), steps * steps
+    down = (half * xx) * squares
+    kernel = np.exp((2.0 * half * xy) * np.outer(steps, steps) - (half * yy) * squares - down[:, None])
     even: NDArray[np.float64] = kernel / kernel.sum()
     return even

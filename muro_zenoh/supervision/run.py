@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,8 +89,8 @@ class Screen(Protocol):
         """Show the state of the run; called a few times a second."""
         ...
 
-    def operating(self, bus: Bus) -> AbstractContextManager[None]:
-        """Let the operator's keys be orders on a bus, within a block."""
+    def operating(self, bus: Bus, say: Callable[[str], None]) -> AbstractContextManager[None]:
+        """Let the operator's keys be orders on a bus, within a block; what comes of them is said."""
         ...
 
     def __enter__(self) -> Screen: ...
@@ -221,7 +222,7 @@ async def _observe(
     collecting = asyncio.create_task(collector.run(), name="collect")
     try:
         async with AsyncExitStack() as stack:
-            stack.enter_context(screen.operating(bus))
+            stack.enter_context(screen.operating(bus, screen.notify))
             await starting
             screen.notify(f"all processes ready after {asyncio.get_running_loop().time() - began:.2f} s")
             if not there.basestation and settings.page:

@@ -18,6 +18,7 @@ import msgspec
 
 from muro_zenoh.channels import (
     ALL_ROLES,
+    TIME,
     Channel,
     Role,
     Verb,
@@ -29,15 +30,15 @@ from muro_zenoh.channels import (
     verb_key,
 )
 from muro_zenoh.errors import ConfigError, NoReply, TransportError
-from muro_zenoh.messages import Message, Reply, decode, encode, encoding_of
+from muro_zenoh.messages import AskTime, Message, Order, Reply, decode, encode, encoding_of
 from muro_zenoh.messages.base import LARGEST
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.operator import operator_name
-from muro_zenoh.transport.clock_offset import KnownClocks
+from muro_zenoh.transport.clock_offset import KnownClocks, RoundTrip
 from muro_zenoh.transport.inbox import Inbox, Slot
 from muro_zenoh.transport.link import Closable, Link, Question
 from muro_zenoh.transport.mailboxes import Every, Latest
-from muro_zenoh.transport.orders import Orders, nobody_answered
+from muro_zenoh.transport.orders import Orders, nobody_answered, with_deadline
 from muro_zenoh.transport.publisher import Publisher
 from muro_zenoh.transport.pulse import Pulse
 from muro_zenoh.transport.received import Counters
@@ -244,10 +245,30 @@ class Bus:
         self._check_open()
         self._check_role(verb.asked_by, f"order {verb.word}", "give it")
         key = verb_key(self.realm, verb, name)
-        payload = await self._link.ask(key, encode(self._stamped(order)), encoding_of(verb.kind), timeout)
+        dated = await self._dated(order, timeout)
+        payload = await self._link.ask(key, encode(self._stamped(dated)), encoding_of(verb.kind), timeout)
         if payload is None:
             raise NoReply(nobody_answered(verb, key, name, timeout))
         return decode(payload, Reply)
+
+    async def _dated(self, order: T, timeout: float) -> T:
+        """The order, with the time until which its answer is awaited where that matters."""
+        if not isinstance(order, Order) or order.until is not None:
+            return order
+        key, began, sent = verb_key(self.realm, TIME), self._loop.time(), self.clock.now()
+        payload = await self._link.ask(key, encode(self._stamped(AskTime())), encoding_of(AskTime), timeout)
+        if payload is not None:
+            reply = decode(payload, Reply)
+            trip = RoundTrip(sent, reply.received, reply.stamp, self.clock.now())
+            return with_deadline(order, trip, reply.epoch, timeout)
+        if self._loop.time() - began > 0.9 * timeout:
+            # It would arrive when nobody waits for its answer any more, as this question will.
+            raise NoReply(nobody_answered(TIME, key, "", timeout))
+        return order  # there is nobody to ask: the middleware knows that at once
+
+    def _ahead_of(self, epoch: int) -> float:
+        """What to add to a process's clock to have ours [s]; infinite for one that was not measured."""
+        return 0.0 if epoch == self.epoch else self.clocks.offset(epoch, self.clock.now())
 
     def answer(self, verb: Verb[T], handle: Callable[[T], Reply | Awaitable[Reply]], *, name: str = "") -> Closable:
         """Take an order: ``handle`` is called on the loop, and what it returns, or what is awaited then, is the answer.
@@ -272,7 +293,17 @@ class Bus:
         if self._pulse is None:
             self._pulse = Pulse(self._loop, self.clock)
             self._open[self._pulse] = None
-        orders = Orders(verb, key, handle, self._send_reply, self.clock, self._loop, self.counters[word], self._pulse)
+        orders = Orders(
+            verb,
+            key,
+            handle,
+            self._send_reply,
+            self.clock,
+            self._loop,
+            self.counters[word],
+            self._pulse,
+            self._ahead_of,
+        )
         self._orders.append(orders)
         declared = self._link.answer(key, orders.file)
         self._open[declared] = None

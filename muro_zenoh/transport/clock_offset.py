@@ -1,8 +1,9 @@
 """What two clocks differ by, measured with four time stamps a question, as NTP does.
 
-A question and its answer bound the difference: each took no less than no time. Of the last questions the one counts
-that bounds it best, so that a loop that was busy or a path that was slow for once does not matter. Two measurements
-that exclude each other are a clock that was set in between.
+A question and its answer bound the difference: each took no less than no time. Of the last questions the few quickest
+count, so that a loop that was busy or a path that was slow for once does not matter; and of these the median, because
+a path that becomes slow between a question and its answer makes a quick round trip that is wrong by half of what it
+took. Two measurements that exclude each other are a clock that was set in between.
 
 Only a message's *age* is judged by it, together with the least difference of :mod:`muro_zenoh.transport.delay`, and the
 later of the two counts. So an answer that is wrong makes messages older than they are, and never younger.
@@ -11,6 +12,7 @@ later of the two counts. So an answer that is wrong makes messages older than th
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 from typing import Final, NamedTuple
 
@@ -18,7 +20,10 @@ DRIFT: Final = 200e-6
 """Two clocks part no faster than this [s/s]: twice the 100 ppm of two poor crystals, 6 ms in half a minute."""
 
 _WINDOW: Final = 16
-"""The number of questions of which the best counts."""
+"""The number of questions of which the quickest count."""
+
+_QUICKEST: Final = 5
+"""The median of so many is the offset."""
 
 _MOST_WRITERS: Final = 256
 
@@ -55,9 +60,14 @@ class RoundTrip(NamedTuple):
 
 
 class OffsetEstimate:
-    """What our clock and another one differ by, from the last round trips."""
+    """What our clock and another one differ by, from the last round trips.
+
+    Attributes:
+        offset: what to add to our clock to have the other one [s]; 0 before the first round trip.
+    """
 
     def __init__(self) -> None:
+        self.offset = 0.0
         self._trips: deque[RoundTrip] = deque(maxlen=_WINDOW)
         self._best: RoundTrip | None = None
 
@@ -79,7 +89,9 @@ class OffsetEstimate:
                 step = apart
                 self._trips.clear()
         self._trips.append(trip)
-        self._best = min(self._trips, key=lambda known: _bound(known, trip.returned))
+        quickest = sorted(self._trips, key=lambda known: _bound(known, trip.returned))[:_QUICKEST]
+        self._best = quickest[0]
+        self.offset = statistics.median(known.offset for known in quickest)
         return step
 
     @property

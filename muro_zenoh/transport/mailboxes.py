@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from muro_zenoh.messages import Message
 from muro_zenoh.transport.inbox import Filed, Inbox, Slot
@@ -12,8 +12,16 @@ from muro_zenoh.transport.received import Received
 T = TypeVar("T", bound=Message)
 
 
+_OVERTAKEN: Final = 1.0
+"""A message that comes by this time after a later one of its writer was overtaken, or came twice [s]. After it, ``seq``
+counts anew, or one wrong number would lock its writer out."""
+
+
 class Latest(Inbox[T]):
-    """Keeps the newest message of each key, and wakes its reader once for all that came in the meantime."""
+    """Keeps the newest message of each key, and wakes its reader once for all that came in the meantime.
+
+    The newest of one writer is the one with the highest ``seq``, also when others come later.
+    """
 
     def __init__(self, slot: Slot[T], depth: int = 4) -> None:
         # depth: garbage behind a good message does not displace it, unless there is a lot of it
@@ -50,13 +58,28 @@ class Latest(Inbox[T]):
         self._unread.pop(name, None)
 
     def _sort_key(self, key: str, filed: list[Filed]) -> None:
-        # From the newest on: those behind the first good one are not worth their decoding.
+        # From the newest on: those behind the first good one are not worth their decoding while they come in order.
+        newest = before = self._newest.get(key[self._prefix :])
         while filed:
             item = self._open(key, *filed.pop())
-            if item is not None:
-                self._counters.dropped += len(filed)
-                self._accept(item)
-                return
+            if item is None:
+                continue
+            if newest is not None and _was_overtaken(item, newest):
+                self._counters.dropped += 1
+                continue
+            if newest is not before:
+                self._counters.dropped += 1
+                newest = item
+                continue
+            newest = item
+            last, known = item.message, before.message if before is not None else None
+            # With as many before it as wait here, it is the last of them, unless some were lost besides.
+            if known is None or known.epoch != last.epoch or not last.seq or last.seq > known.seq + len(filed):
+                break
+        self._counters.dropped += len(filed)
+        filed.clear()
+        if newest is not None and newest is not before:
+            self._accept(newest)
 
     def _accept(self, item: Received[T]) -> None:
         if item.name in self._unseen:
@@ -70,6 +93,12 @@ class Latest(Inbox[T]):
             self._unseen.discard(name)
             return self._unread.pop(name)
         return None
+
+
+def _was_overtaken(item: Received[T], newest: Received[T]) -> bool:
+    """Whether a message was sent before the newest one of its writer, or is that one once more."""
+    mine, known = item.message, newest.message
+    return mine.epoch == known.epoch and 0 < mine.seq <= known.seq and item.arrival - newest.arrival <= _OVERTAKEN
 
 
 class Every(Inbox[T]):

@@ -83,14 +83,14 @@ class MemoryNetwork:
         for change in self.changes.get(key, ()):
             payload = change(payload)
         readers = self._readers_to(key)
+        now = asyncio.get_running_loop().time()
         if self._calm:
             for reader in readers:
                 if reader.link is not sender:
                     if reader.witness is not None:
-                        reader.witness(key, asyncio.get_running_loop().time())
+                        reader.witness(key, now)
                     reader.file(key, payload, encoding)
             return
-        now = asyncio.get_running_loop().time()
         for reader in readers:
             if sender is not None and reader.link is not sender and reader.link.is_near(sender):
                 reader.link.receive(partial(reader.take, key, payload, encoding, now))

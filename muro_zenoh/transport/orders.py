@@ -9,10 +9,13 @@ import threading
 from collections.abc import Awaitable, Callable
 from typing import Any, Generic, TypeVar
 
+import msgspec
+
 from muro_zenoh.channels import Role, Verb
 from muro_zenoh.errors import MessageError, MuroError, OrderRefused
-from muro_zenoh.messages import Message, Reply, check_encoding, check_size, decode
+from muro_zenoh.messages import Message, Order, Reply, check_encoding, check_size, decode
 from muro_zenoh.runtime.clock import Clock
+from muro_zenoh.transport.clock_offset import RoundTrip
 from muro_zenoh.transport.link import Question
 from muro_zenoh.transport.pulse import LONGEST_WAIT, Pulse
 from muro_zenoh.transport.received import Counters
@@ -20,6 +23,7 @@ from muro_zenoh.transport.received import Counters
 log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=Message)
+O = TypeVar("O", bound=Order)  # noqa: E741 - an order
 
 MAX_WAITING = 64
 """Orders on one key that wait for their answer at most; more are dropped, and counted."""
@@ -37,6 +41,7 @@ class Orders(Generic[T]):
         loop: where ``handle`` is called.
         counters: what becomes of the orders.
         pulse: whether this process was frozen, and an order may be left over from that time.
+        ahead_of: what to add to the clock of the process with an epoch to have ours [s]; infinite when that is unknown.
     """
 
     def __init__(
@@ -49,6 +54,7 @@ class Orders(Generic[T]):
         loop: asyncio.AbstractEventLoop,
         counters: Counters,
         pulse: Pulse,
+        ahead_of: Callable[[int], float],
     ) -> None:
         self._verb = verb
         self._key = key
@@ -58,6 +64,7 @@ class Orders(Generic[T]):
         self._loop = loop
         self._counters = counters
         self._pulse = pulse
+        self._ahead_of = ahead_of
         self._lock = threading.Lock()
         self._waiting = 0
         self._tasks: dict[asyncio.Task[None], None] = {}
@@ -87,9 +94,8 @@ class Orders(Generic[T]):
         answer: Reply | Awaitable[Reply]
         try:
             order = self._read(question)
-            if (paused or self._now() - arrival > LONGEST_WAIT) and not self._verb.at_any_age:
-                self._counters.late += 1
-                raise OrderRefused("the process that takes it was frozen, and the order may be old: give it again")
+            if not self._verb.at_any_age:
+                self._refuse_old(order, self._now(), arrival, paused)
             answer = self._handle(order)
         except Exception as error:
             answer = self._refusal(error)
@@ -109,6 +115,19 @@ class Orders(Generic[T]):
             self._counters.rejected += 1
             raise
 
+    def _refuse_old(self, order: T, now: float, arrival: float, paused: bool) -> None:
+        """Refuse an order whose sender may have heard already that nobody answers."""
+        reason = ""
+        if paused or now - arrival > LONGEST_WAIT:
+            reason = "the process that takes it was frozen, and the order may be old"
+        elif isinstance(order, Order) and order.until is not None:
+            late = now - order.until - self._ahead_of(order.clock)
+            if late > 0.0:
+                reason = f"it came {late:.1f} s after its sender had stopped waiting for the answer"
+        if reason:
+            self._counters.late += 1
+            raise OrderRefused(f"{reason}: give it again")
+
     async def _finish(self, question: Question, arrival: float, answer: Awaitable[Reply]) -> None:
         try:
             reply = await answer
@@ -127,6 +146,25 @@ class Orders(Generic[T]):
         with self._lock:
             self._waiting -= 1
         self._send(question, reply, arrival)
+
+
+def with_deadline(order: O, trip: RoundTrip, clock: int, timeout: float) -> O:
+    """An order that says how long its sender waits, in time that its receiver can tell.
+
+    Args:
+        order: the order, to be sent at the end of the round trip.
+        trip: a question to the base station for the time. By half of its duration the measured offset may be wrong, so
+            the deadline is earlier by that: an answer that takes no longer comes in time all the same.
+        clock: the epoch of that base station.
+        timeout: how long the sender waits [s].
+
+    Returns:
+        The order; without a deadline when the round trip is impossible.
+    """
+    if not trip.is_possible:
+        return order
+    until = trip.returned + trip.offset + timeout - 0.5 * trip.duration
+    return msgspec.structs.replace(order, until=until, clock=clock)
 
 
 def nobody_answered(verb: Verb[Any], key: str, name: str, timeout: float) -> str:

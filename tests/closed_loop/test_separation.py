@@ -176,6 +176,27 @@ def test_four_robots_swap_places() -> None:
     assert {"", "keeps clear of r0"} <= reasons
 
 
+def test_robots_of_both_sides_get_through_a_doorway() -> None:
+    starts = [(-0.8, 0.5, 0.0), (-0.8, -0.5, 0.0), (0.8, 0.5, math.pi), (0.8, -0.5, math.pi)]
+    goals = [(1.5, 0.9), (1.5, -0.9), (-1.5, 0.9), (-1.5, -0.9)]
+    walls = ((0.0, 0.4, 0.0, 1.5), (0.0, -1.5, 0.0, -0.4))
+    world = World(starts, 0, delays=[0.1] * 4)
+    arena = Bounds(-2.1, 2.1, -1.5, 1.5)
+    filters = [Separation(me, BODY, dict.fromkeys(world.names, BODY), arena, SETTINGS, walls) for me in world.names]
+    law = GoToGoal(speed=0.4, tolerance=0.03)
+
+    def decide(k: int, now: float, state: State, snapshot: Snapshot | None) -> Twist2:
+        return filters[k].step(now, state, law.twist(state.pose, *goals[k]), snapshot, goals[k]).twist
+
+    def away() -> float:
+        return max(math.dist((s.x, s.y), goal) for s, goal in zip(world.states(), goals, strict=True))
+
+    while away() > 0.1 and world.time < 60.0:
+        world.step(decide)
+    assert world.time < 40.0
+    assert world.plant.min_separation > KEEP - 0.005
+
+
 def test_the_turning_rate_does_not_alternate_in_a_crowd() -> None:
     """Eight robots that swap places: the filter acts most of the time, and its commands must suit wheels."""
     angles = [0.25 * math.pi * k for k in range(8)]

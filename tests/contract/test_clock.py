@@ -9,8 +9,8 @@ import pytest
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import ClockSettings
-from muro_zenoh.messages import FleetSnapshot
-from muro_zenoh.transport.station_clock import StationClock, answer_time
+from muro_zenoh.messages import FleetSnapshot, Odometry
+from muro_zenoh.transport.measured_clock import MeasuredClock, StationClock, answer_time
 from tests.contract.conftest import Network
 from tests.contract.helpers import until
 from tests.support.clock import ManualClock
@@ -42,6 +42,23 @@ async def test_a_clock_is_measured_and_judges_what_the_base_station_sends(
     # The base station has our clock from the second question on.
     await until(lambda: station.clocks.offset(agent.epoch, theirs.now()) == pytest.approx(-ahead), "our clock there")
     measuring.cancel()
+
+
+async def test_an_agent_measures_its_own_base(network: Network) -> None:
+    theirs, ours = ManualClock(10_000.0), ManualClock(9_000.0)
+    bases = await network.open(theirs, roles=[Role.BASE])
+    agent = await network.open(ours, roles=[Role.AGENT])
+    odometry, out = agent.every(channels.ODOMETRY, "r2"), bases.publisher(channels.ODOMETRY, "r2")
+    answer_time(bases, channels.BASE_TIME, "r2")
+    measuring = [asyncio.create_task(MeasuredClock(agent, channels.BASE_TIME, name).run()) for name in ("r1", "r2")]
+    await until(lambda: agent.clocks.offset(bases.epoch, ours.now()) == pytest.approx(-1000.0), "the base's clock")
+    late = theirs.now() - 0.1  # its first, and already late
+    out.put(Odometry(x=0.0, y=0.0, theta=0.0, v=0.1, omega=0.0, stamp=late))
+    received = await within(5, odometry.next(), "odometry")
+    assert received.captured() == pytest.approx(ours.now() - 0.1)
+    await until(lambda: bases.clocks.offset(agent.epoch, theirs.now()) == pytest.approx(1000.0), "our clock there")
+    for task in measuring:
+        task.cancel()
 
 
 async def test_without_a_base_station_nothing_is_measured_and_that_is_a_complaint(network: Network) -> None:

@@ -228,7 +228,7 @@ def test_an_operator_beside_a_fleet() -> None:
         assert order.returncode == 0, order.stdout
         assert re.search(r"^r1 .* has stopped\nr2 .* has stopped\n2 of 2 robots stopped$", order.stdout, re.MULTILINE)
         order = muro("stop", "r7", *there)
-        assert (order.returncode, "is not alive" in order.stdout) == (1, True)
+        assert (order.returncode, "no robot of this name is known" in order.stdout) == (1, True)
         order = muro("resume", *there)
         assert order.returncode == 0, order.stdout
 

@@ -81,6 +81,9 @@ def test_the_space_bar_stops_the_fleet_and_r_and_y_resume_it() -> None:
         assert terminal.wait(15) == 130
         assert terminal.line_by_line  # as it was before
     assert "Traceback" not in terminal.shown
+    (log,) = Path("runs").glob("*/muro.log")
+    for said in ("stop sent", "2 of 2 robots stopped", "resume every robot?", "resume: base station: accepted"):
+        assert said in log.read_text()
 
 
 def test_a_run_in_the_background_is_not_suspended_by_its_terminal() -> None:

@@ -16,6 +16,7 @@ from muro_zenoh import channels
 from muro_zenoh.checking.fleet import VirtualFleet
 from muro_zenoh.checking.run import run_fleet
 from muro_zenoh.checking.trace import Contact, Trace, find_contacts
+from muro_zenoh.checking.trial import run_trial
 from muro_zenoh.checking.world import World
 from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.messages import Estimate
@@ -385,3 +386,29 @@ def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
         for number in ("1", "2")
     ]
     assert digests[0] == digests[1]
+
+
+def test_a_robot_that_nobody_hears_stands_until_it_is_heard_again() -> None:
+    """Only its link outward is cut: it still has poses and snapshots, but nobody knows how fast it drives."""
+    table = {
+        "robots": 2,
+        "duration": 9.0,
+        "camera": {"north": {}},
+        "behaviour": {"name": "circle"},
+        "fault": [{"kind": "partition", "target": "r1", "direction": "out", "at": 3.0, "duration": 3.0}],
+    }
+    record, result = run_trial(parse_scenario(table, "lab.toml", name="lab"), 1)
+    assert result.breaches == ()
+
+    def drives(robot: int, begin: float, end: float) -> bool:
+        rows = (record.time >= begin) & (record.time < end)
+        return bool(np.any(record.command[rows, robot] != 0.0, axis=1).all())
+
+    def stands(robot: int, begin: float, end: float) -> bool:
+        rows = (record.time >= begin) & (record.time < end)
+        return not record.command[rows, robot].any()
+
+    assert drives(0, 2.5, 3.9)
+    assert stands(0, 4.3, 6.0)
+    assert drives(1, 2.5, 9.0)
+    assert drives(0, 7.5, 9.0)

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from basestation.fleet.state_store import StateStore
-from muro_zenoh.messages import Health, Resume, SetCircle, Stop, StopOrder, decode, encode
+from muro_zenoh.messages import MOST_NAMES, Health, Resume, SetCircle, Stop, StopOrder, decode, encode
 from muro_zenoh.safety.stop import MAX_REVISION_GAP, StopLatch
 from tests.support.kept_state import fresh, reports, scenario, stopped
 
@@ -367,3 +367,17 @@ async def test_a_file_with_a_revision_that_nobody_believes_is_counted_anew(tmp_p
         robot = robot.receive("r1", all_robots=order.all, names=order.names, revision=order.revision)
     assert robot.may_drive
     kept.close()
+
+
+async def test_more_stops_by_name_than_an_order_can_say_are_one_of_everybody() -> None:
+    """Else no robot could read the stop state any more."""
+    kept = fresh()
+    names = tuple(f"x{number}" for number in range(MOST_NAMES))
+    await kept.add_stop(Stop(names=names))
+    assert stopped(kept) == (False, tuple(sorted(names)))
+    order = msgspec.structs.replace(kept.stop, stamp=1.0)
+    assert decode(encode(order), StopOrder).names == tuple(sorted(names))
+    await kept.add_stop(Stop(names=("r1",)))
+    assert stopped(kept) == (True, ())
+    await kept.resume(Resume(revision=kept.stop.revision))
+    assert stopped(kept) == (False, ())

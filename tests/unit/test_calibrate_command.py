@@ -12,8 +12,14 @@ from click.testing import CliRunner, Result
 
 from basestation.calibration.board import Board
 from basestation.calibration.board_views import BoardFinder
+from basestation.calibration.camera import camera_of
+from basestation.calibration.drive import DriveFit
+from basestation.calibration.drive_session import DriveSession
+from basestation.calibration.files import write_camera
+from basestation.calibration.floor_error import FloorError
 from basestation.calibration.tag_tracks import COLUMNS
 from basestation.localization.detector import TagDetector
+from basestation.localization.of_scenario import make_localizer
 from muro_zenoh.cli.main import main
 from muro_zenoh.config import load_scenario
 from muro_zenoh.config.cameras import camera_model
@@ -85,6 +91,11 @@ class TestLensAndPlace:
         (lab / "lab.toml").write_text(FLEET)
         scenario = load_scenario(lab / "lab.toml")
         found = camera_model("north", scenario.camera["north"], scenario.arena)
+        finder = make_localizer(scenario, "north")
+        finder.locate(cv2.imread(str(lab / "floor.png"), cv2.IMREAD_GRAYSCALE))
+        assert len(finder.floor_off) == 5
+        assert np.hypot(*np.transpose(finder.floor_off)).max() < 2e-3
+        assert not finder.unknown_tags
         assert found.focal == pytest.approx(TRUTH.focal, rel=5e-3)
         assert found.position == pytest.approx(TRUTH.position, abs=3e-3)
         assert found.view[:, :3] == pytest.approx(TRUTH.view[:, :3], abs=2e-3)
@@ -123,7 +134,7 @@ class TestLensAndPlace:
         assert "cut.png: got a file that is no image" in result.output
         assert "good views of the board, expected at least 8" in result.stderr
         result = muro("intrinsics", tmp_path / "few", "--out", tmp_path / "x.toml", "--columns", 7, "--rows", 5)
-        assert "is it another board?" in result.output
+        assert re.search(r"got the board in none of 4 pictures, expected it in 20\. .*another board\?", result.stderr)
         cv2.imwrite(str(tmp_path / "few" / "other.png"), np.zeros((480, 640), np.uint8))
         result = muro("intrinsics", tmp_path / "few", "--out", tmp_path / "x.toml")
         assert "other.png: got 640 x 480 pixels, expected 960 x 540" in result.stderr
@@ -214,3 +225,21 @@ class TestDrive:
         assert "got 'south', expected one of north" in muro(*start, "--height", "south=2").stderr
         assert "--distance: got '40'" in muro(*start, *lens, "--distance", "40").stderr
         assert "no camera saw both floor tags 40 and 41" in muro(*start, *lens, "--distance", "40,41=2").stderr
+
+    def test_the_floor_tags_of_a_calibration_are_kept(
+        self, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        camera = camera_of(TRUTH)
+        write_camera(tmp_path / "north.toml", camera, np.eye(15), (), {40: PLACES[0] + (0.0,), 44: (0.0, 0.35, 0.02)})
+        (tmp_path / "lab.toml").write_text(FLEET)
+        fitted = DriveFit({"north": camera}, 1e-8 * np.eye(15), 0.05, 1.0, 1.0, 0)
+        error = FloorError(np.zeros(1), np.zeros(1), np.full((1, 1), 1e-3))
+        monkeypatch.setattr(DriveSession, "load", lambda self, path: [])
+        monkeypatch.setattr(DriveSession, "fit", lambda self, rows: (fitted, error))
+        given = ("--fleet", tmp_path / "lab.toml", "--from", "seen.csv", "--height", "north=2.0")
+        result = muro("drive", "r1", *given, "--out", tmp_path / "after")
+        assert result.exit_code == 0, result.output
+        (tmp_path / "north.toml").write_bytes((tmp_path / "after" / "north.toml").read_bytes())
+        calibration = load_scenario(tmp_path / "lab.toml").camera["north"].calibration
+        assert calibration is not None
+        assert calibration.floor_places == {40: (-0.9, -0.1, 0.0), 44: (0.0, 0.35, 0.02)}

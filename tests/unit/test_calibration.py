@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from functools import cache
 
@@ -139,6 +140,23 @@ class TestLens:
         with pytest.raises(CalibrationError, match=r"got 3 good views.*\n  2\.png is blurred"):
             fit_lens(mixed, (1280, 720), height=3.0, drop=True)
 
+    @pytest.mark.parametrize("blur", [3.0, 6.0])
+    def test_so_is_one_in_which_the_board_is_not_even_found(self, blur: float) -> None:
+        camera = hung(960, 540, position=(0.0, 0.0, 3.0), fov=1.2, distortion=LENS)
+        (picture,) = board_pictures(camera, BOARD, 1, 7, spread=0.3, blurred={0: blur})
+        with pytest.raises(CalibrationError, match=r"^07\.png: got \d of 40 .*The picture is blurred: by") as refused:
+            BoardFinder(BOARD).find("07.png", picture)
+        said = re.search(r"by (\d\.\d) px", str(refused.value))
+        assert said is not None
+        assert float(said[1]) == pytest.approx(blur, rel=0.2)
+
+    def test_a_board_of_which_most_is_outside_is_not_called_blurred(self) -> None:
+        camera = hung(960, 540, position=(0.0, 0.0, 3.0), fov=1.2, distortion=LENS)
+        (picture,) = board_pictures(camera, BOARD, 1, 7, spread=0.3)
+        picture[:, 380:] = 120
+        with pytest.raises(CalibrationError, match=r"Much of it is outside the picture|Hold the board flat"):
+            BoardFinder(BOARD).find("07.png", picture)
+
     def test_a_view_that_contradicts_the_others_is_named_however_few_pixels_it_is_off(self) -> None:
         odd = views()[3]
         bent = odd.points.copy()
@@ -185,7 +203,9 @@ class TestLens:
         picture = board_pictures(TRUTH, BOARD, 1, 9, spread=0.2)[0]
         with pytest.raises(CalibrationError, match=r"7 x 5 squares.* is it another board"):
             finder.find("a.png", picture)
-        with pytest.raises(CalibrationError, match="got 0 of 40 corners"):
+        with pytest.raises(CalibrationError, match=r"10 x 7 squares.* not where this board has them.*--columns and"):
+            BoardFinder(Board(columns=10, rows=7)).find("a.png", picture)
+        with pytest.raises(CalibrationError, match=r"got 0 of 40 corners.*Hold the board flat"):
             BoardFinder(BOARD).find("empty.png", np.full((360, 640), 90, dtype=np.uint8))
         with pytest.raises(ParameterError, match=r"below 0\.9 of a square"):
             Board(marker=0.03)
@@ -311,6 +331,16 @@ class TestDrive:
         places = np.array(((0.5, 0.5), (-0.5, 1.0)))
         pixels = FloorMap(PAIR["north"].model).to_pixels(places, HEIGHT)
         assert FloorMap(moved.cameras["north"].model).to_metres(pixels, HEIGHT) == pytest.approx(places, abs=4e-3)
+
+    def test_nor_does_the_error_of_the_first_view_turn_it(self) -> None:
+        """A heading that is two milliradians off is 4 mm at the arena's end."""
+        result = place(drive(), distance=known_distance(), known=PAIR)
+        for name, camera in PAIR.items():
+            y = np.linspace(0.0, 1.3, 4) * (1.0 if name == "north" else -1.0)
+            places = np.column_stack([axis.ravel() for axis in np.meshgrid(np.linspace(-1.9, 1.9, 9), y)])
+            pixels = FloorMap(camera.model).to_pixels(places, HEIGHT)
+            off = FloorMap(result.cameras[name].model).to_metres(pixels, HEIGHT) - places
+            assert np.hypot(*off.T).max() < 2e-3
 
     @pytest.mark.parametrize("size", [0.8 * TAG, 1.2 * TAG])
     @pytest.mark.parametrize("scale", [{"heights": {"north": 3.0}}, {"distance": known_distance()}])

@@ -204,3 +204,8 @@ def test_the_same_seed_gives_the_same_trial_in_another_process() -> None:
     digests = {run_trial(trials(5), 5)[1].digest for _ in range(2)}
     assert len(digests) == 1
     assert run_trial(trials(6), 6)[1].digest not in digests
+
+
+def test_the_help_of_replay_names_no_number_that_nobody_types() -> None:
+    assert "-1" not in check("--help", code=0)
+    assert "got 'x', expected a seed" in check("random", "--replay", "x", code=2)

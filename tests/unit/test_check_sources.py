@@ -74,6 +74,31 @@ class TestRandomTrials:
         for kind in ("delay", "partition", "stall", "freeze", "crash"):
             assert during[kind, "basestation"], kind
 
+    def test_one_robot_is_stopped_while_messages_to_the_base_station_are_lost(self) -> None:
+        """It hears of that stop by the order and that robot's health, and repeats that nobody is stopped until then."""
+        lost = [
+            order.robots
+            for trial in map(random_trial, range(1000))
+            for fault in trial.faults
+            for order in trial.orders
+            if (fault.kind, fault.target, order.kind) == ("loss", "basestation", "stop")
+            and fault.at <= order.at < fault.end
+        ]
+        assert sum(len(robots) == 1 for robots in lost) >= 5
+
+    def test_nothing_else_takes_robots_out_of_the_state_that_a_cell_of_the_table_is_about(self) -> None:
+        for seed in range(2 * len(CELLS)):
+            trial = random_trial(seed)
+            begin, orders = trial.faults[0].at, trial.orders
+            holds = [order.at for order in orders if order.behaviour == "hold"]
+            if holds:
+                assert not [o for o in orders if o.kind == "behaviour" and holds[0] < o.at <= begin], seed
+            stops = [order for order in orders if order.kind == "stop" and order.at < begin]
+            others = [fault for fault in trial.faults if fault.target == "basestation"]
+            if begin > 1.0 and stops and not others:
+                lifts = [o.at for o in orders if o.kind == "resume" and o.robots in ((), stops[0].robots)]
+                assert not [at for at in lifts if stops[0].at < at <= begin], seed
+
     def test_one_can_be_written_to_a_file_and_read_again(self) -> None:
         for seed in range(60):
             trial = random_trial(seed)

@@ -55,6 +55,15 @@ def test_the_quickest_round_trip_counts_until_drift_makes_a_newer_one_better() -
     assert estimate.best.offset == pytest.approx(0.001)
 
 
+def test_a_path_that_becomes_slow_during_a_question_does_not_mislead() -> None:
+    rng, estimate = random.Random(1), OffsetEstimate()
+    estimate.add(trip(100.0, 5.0, 0.0, 0.14))  # the quickest for long, and wrong by 70 ms
+    for k in range(1, 17):
+        estimate.add(trip(100.0 + k, 5.0, rng.uniform(0.1, 0.15), rng.uniform(0.1, 0.15)))
+        if k >= 4:
+            assert estimate.offset == pytest.approx(5.0, abs=0.02)
+
+
 def test_before_the_first_nothing_is_known() -> None:
     assert OffsetEstimate().bound(0.0) == math.inf
     assert OffsetEstimate().best is None

@@ -125,3 +125,14 @@ async def test_a_thousand_double_presses_at_random_moments_do_no_harm(there: Lab
     sent.drain()
     await asyncio.sleep(2.0)
     assert {order.message.all for order in sent.drain()} == {False}
+
+
+@virtual
+async def test_a_stop_that_is_pressed_as_the_view_ends_is_sent(there: Lab) -> None:
+    agents = await there.agents("r1", "r2")
+    await there.base_station()
+    operator = Operator(there)
+    operator.desk.press(" ")
+    operator.desk.close()
+    await asyncio.sleep(0.1)
+    assert stopped(agents) == {"r1", "r2"}

@@ -1,4 +1,7 @@
-"""Every public argument of a law is documented: what it is, in which unit, in which frame; and links lead somewhere."""
+"""Every public argument of a law is documented: what it is, in which unit, in which frame; and links lead somewhere.
+
+So is what makes poses of pictures.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +21,13 @@ import muro_zenoh
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LAWS = ("control", "planning", "estimation", "safety", "simulation", "optics", "arcs", "geometry")
+CAMERAS = ("basestation.calibration", "basestation.localization", "basestation.sources")
 
 
 def _modules() -> list[str]:
     names = []
-    for law in LAWS:
-        module = importlib.import_module(f"{muro_zenoh.__name__}.{law}")
+    for room in (*(f"{muro_zenoh.__name__}.{law}" for law in LAWS), *CAMERAS):
+        module = importlib.import_module(room)
         names.append(module.__name__)
         if hasattr(module, "__path__"):
             names += [info.name for info in pkgutil.walk_packages(module.__path__, f"{module.__name__}.")]

@@ -129,3 +129,11 @@ def test_every_kind_is_on_the_page_with_its_numbers(kind: str) -> None:
     line = next(line for line in PAGE.splitlines() if line.startswith(f"| `{kind}` |"))
     own = set(KINDS[kind].__struct_fields__) - {"target", "at", "until", "duration", "direction"}
     assert {name for name in own if f"`{name}`" not in line} == set()
+
+
+@pytest.mark.parametrize("at", [20.0, 31.0])
+def test_one_that_begins_when_the_run_is_over_is_refused(at: float) -> None:
+    table = {"robots": 2, "duration": 20.0, "fault": [{"kind": "crash", "target": "router", "at": at}]}
+    with pytest.raises(ConfigError, match=rf"fault\[0\].at: got {at:g} s, expected a time before the end of the run"):
+        parse_scenario(table, "lab.toml", name="lab")
+    assert parse_scenario({**table, "duration": 32.0}, "lab.toml", name="lab").faults

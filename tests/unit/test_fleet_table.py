@@ -43,6 +43,7 @@ def test_robots_are_sorted_by_name(table: FleetTable) -> None:
 
 
 def test_pose_and_age_are_those_of_the_newest_fix(table: FleetTable) -> None:
+    table.estimate("r1", moving(10.1, Pose2(2.0, -1.0, 3.0)))
     table.fix("r1", Pose2(2.0, -1.0, 3.0), 10.1)
     state = row(table, 10.25)
     assert (state.x, state.y, state.theta) == (2.0, -1.0, 3.0)
@@ -72,6 +73,7 @@ def test_an_age_is_never_negative(table: FleetTable) -> None:
 def test_a_robot_out_of_sight_turns_stale_then_lost_and_stays_where_it_was(
     table: FleetTable, age: float, state: str
 ) -> None:
+    table.estimate("r1", moving(10.0))
     seen = row(table, 10.0 + age)
     assert seen.state == state
     assert seen.pose == HERE
@@ -91,18 +93,36 @@ def test_a_lost_robot_has_no_speed_however_fresh_its_estimates(table: FleetTable
     assert (state.state, state.v, state.omega) == ("lost", 0.0, 0.0)
 
 
+def test_a_robot_that_nothing_was_heard_of_is_silent(table: FleetTable) -> None:
+    """It may drive, or be no robot of ours: nobody knows."""
+    assert (row(table, 10.0).state, row(table, 10.0).v) == ("silent", 0.0)
+
+
 def test_an_old_estimate_is_ignored(table: FleetTable) -> None:
     table.estimate("r1", moving(9.4, Pose2(-2.0, 0.0, 0.0)))
     state = row(table, 10.0)
     assert (state.state, state.v) == ("tracking", 0.0)
 
 
-@pytest.mark.parametrize(("silent", "speed"), [(0.3, 0.2), (0.5, 0.2), (0.9, 0.2), (1.1, 0.0)])
-def test_a_robot_that_has_fallen_silent_does_not_stand_at_once(table: FleetTable, silent: float, speed: float) -> None:
-    """Its agent was killed, or cut off: it drives on until the dead-man acts, or its pose is too old, and brakes."""
+@pytest.mark.parametrize(
+    ("silent", "state", "speed"),
+    [(0.3, "tracking", 0.2), (0.5, "tracking", 0.2), (0.9, "tracking", 0.2), (1.1, "silent", 0.0)],
+)
+def test_a_robot_that_has_fallen_silent_does_not_stand_at_once(
+    table: FleetTable, silent: float, state: str, speed: float
+) -> None:
+    """Its agent was killed, or cut off: it drives on until the dead-man acts, or its pose is too old, and brakes. Where
+    only its link outward is cut, it drives on for longer."""
     table.estimate("r1", moving(10.0))
     table.fix("r1", Pose2(1.05, 0.5, 0.2), 10.0 + silent - 0.05)
-    assert (row(table, 10.0 + silent).state, row(table, 10.0 + silent).v) == ("tracking", speed)
+    assert (row(table, 10.0 + silent).state, row(table, 10.0 + silent).v) == (state, speed)
+
+
+def test_a_silent_robot_that_says_something_again_is_tracked(table: FleetTable) -> None:
+    table.fix("r1", Pose2(1.05, 0.5, 0.2), 11.5)
+    assert row(table, 11.5).state == "silent"
+    table.estimate("r1", moving(11.5, Pose2(1.05, 0.5, 0.2)))
+    assert row(table, 11.5).state == "tracking"
 
 
 @pytest.mark.parametrize(
@@ -129,12 +149,14 @@ def test_a_fast_robot_may_be_ahead_of_its_fix(table: FleetTable) -> None:
 def test_it_is_found_again_where_it_is_seen(table: FleetTable) -> None:
     assert row(table, 13.0).state == "lost"
     table.fix("r1", Pose2(0.0, 0.0, 0.0), 13.0)
+    table.estimate("r1", moving(13.0, Pose2(0.0, 0.0, 0.0)))
     assert row(table, 13.1).state == "tracking"
 
 
 def test_when_a_robot_is_stale_is_a_setting() -> None:
     table = FleetTable(stale_after=0.4)
     table.fix("r1", HERE, 10.0)
+    table.estimate("r1", moving(10.0))
     assert row(table, 10.39).state == "tracking"
     assert row(table, 10.41).state == "stale"
 
@@ -150,14 +172,14 @@ def test_a_cleared_robot_is_gone_until_it_is_seen_again(table: FleetTable) -> No
 
 @pytest.mark.parametrize("back", [0.04, 0.2, 5.0])
 def test_when_the_clock_was_set_back_nothing_is_young(table: FleetTable, back: float) -> None:
-    assert row(table, 10.05).state == "tracking"
     table.estimate("r1", moving(10.0))
+    assert row(table, 10.05).state == "tracking"
     lost = row(table, 10.05 - back)
     assert (lost.state, lost.v, lost.x) == ("lost", 0.0, HERE.x)
     assert table.doubts(10.05 - back) == {}
     there = Pose2(1.1, 0.5, 0.2)
     table.fix("r1", there, 10.06 - back)
-    assert (row(table, 10.07 - back).state, row(table, 10.07 - back).x) == ("tracking", 1.1)
+    assert (row(table, 10.07 - back).state, row(table, 10.07 - back).x) == ("silent", 1.1)
 
 
 def test_estimates_of_robots_that_no_camera_sees_are_not_kept(table: FleetTable) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -239,6 +239,41 @@ class TestAMovedCamera:
         eyes[0].bias = (0.012, 0.010, 0.0)
         fusion, _ = fixes_of(eyes, {"r1": self.round_about(0.0), "r2": self.round_about(2.0)}, 4.0)
         assert set(fusion.moved) == {"west", "east"}
+
+    def test_a_single_camera_is_named_by_the_tags_on_the_floor(self) -> None:
+        """Seen in whole pictures, twice a second; four of them, of which one was kicked away before."""
+        fusion, named = Fusion(ARENA, {"r1": REACH}), math.inf
+        for k in range(200):
+            t = 0.05 * k
+            shift = 0.012 if t >= 5.0 else 0.001
+            tags = ((shift, shift), (shift, 0.0), (0.0, shift), (0.3, 0.2)) if k % 10 == 0 else ()
+            fusion.take(Sightings(camera="west", captured=t, floor_off=tags), t + 0.05)
+            if fusion.moved:
+                named = min(named, t)
+            assert t >= 5.0 or not fusion.moved
+        assert named - 5.0 < 2.0
+        assert fusion.moved["west"] == (
+            "camera west sees the floor tags 12 mm off their places: was it moved? Calibrate it anew"
+        )
+        seen = Sighting("r1", Pose2(1.0, 0.0, 0.0), COVARIANCE)
+        (fix,) = fusion.take(Sightings(camera="west", captured=10.0, robots=(seen,)), 10.05)
+        assert fix.covariance[0] > 9e-5, "and its fixes are as uncertain as it is"
+
+    def test_one_of_two_floor_tags_that_was_kicked_away_is_no_camera_that_moved(self) -> None:
+        fusion = Fusion(ARENA, {"r1": REACH})
+        for k in range(20):
+            fusion.take(Sightings(camera="west", captured=0.5 * k, floor_off=((0.0, 0.0), (0.3, 0.2))), 0.5 * k)
+        assert not fusion.moved
+
+    def test_of_two_cameras_the_floor_says_which(self) -> None:
+        eyes = [west(), east()]
+        eyes[0].bias = (0.012, 0.010, 0.0)  # since before the start: no jump was seen
+        ways = {"r1": self.round_about(0.0), "r2": self.round_about(2.0)}
+        fusion = Fusion(ARENA, dict.fromkeys(ways, REACH))
+        for now, eye, captured in frames(eyes, 4.0):
+            off = (eye.bias[:2],) * 4
+            fusion.take(replace(eye.look(captured, ways), floor_off=off), now)
+        assert set(fusion.moved) == {"west"}
 
     def test_cameras_as_good_as_ours_agree(self) -> None:
         ways = {f"r{i}": self.round_about(1.1 * i) for i in range(5)}

@@ -32,9 +32,11 @@ class DrawnMarkers:
     def __init__(self) -> None:
         self.markers: list[Marker] = []
         self.wholes = 0
+        self.lost = False
 
-    def detect(self, image: np.ndarray, *, wanted: int = 0) -> list[Marker]:
+    def detect(self, image: np.ndarray, *, wanted: int = 0, lost: bool = False) -> list[Marker]:
         self.wholes += 1
+        self.lost = lost
         return list(self.markers)
 
     def detect_near(self, image: np.ndarray, expected: list[Marker], *, reach: float = 0.4) -> list[Marker]:
@@ -185,6 +187,22 @@ class TestWhatIsNoRobot:
         assert [sighting.name for sighting in finder.locate(BLANK)] == ["r2"]
         assert finder.unknown_tags == {44}
 
+    def test_a_tag_on_the_floor_is_not_reported_but_measured(self) -> None:
+        detector = DrawnMarkers()
+        lying = TagMount(44, 0.16)
+        detector.markers = [drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1.0, 0.51, 0.4), lying)]
+        finder = localizer(detector, floor_tags={44: (1.0, 0.5, 0.0), 2: (0.0, 0.0, 0.0)})
+        assert [sighting.name for sighting in finder.locate(BLANK)] == ["r2"]
+        assert finder.complaints == ()
+        (off,) = finder.floor_off  # the number of a robot is the robot's
+        assert off == pytest.approx((0.0, 0.01), abs=1e-4)
+        finder.locate(BLANK)
+        assert finder.floor_off == (), "not searched as a whole"
+        del detector.markers[1]
+        finder = localizer(detector, floor_tags={44: (1.0, 0.5, 0.0)})
+        finder.locate(BLANK)
+        assert finder.floor_off == (), "it was taken away"
+
     def test_two_robots_with_one_tag_are_reported_and_give_no_sighting(self) -> None:
         detector = DrawnMarkers()
         one, other = drawn(Pose2(0, 0, 0), MOUNTS[2]), drawn(Pose2(1, 0, 0), MOUNTS[2])
@@ -250,6 +268,32 @@ class TestSearch:
         # When it comes back elsewhere, it is found within search_every pictures.
         detector.markers = [still, drawn(Pose2(-1.5, 1, 0), MOUNTS[2])]
         assert any(len(finder.locate(BLANK)) == 2 for _ in range(3))
+
+    def test_a_robot_that_drove_out_of_the_picture_is_not_searched_for(self) -> None:
+        detector = DrawnMarkers()
+        finder = localizer(detector, sweep_every=10, search_every=3)
+        still, leaving = drawn(Pose2(0, 0, 0), MOUNTS[1]), drawn(Pose2(0, 1.0, 0), MOUNTS[2])
+        for _ in range(40):
+            leaving = leaving.moved(0.0, -4.0)
+            inside = bool((leaving.corners[:, 1] > 2.5).all())
+            detector.markers = [still, leaving] if inside else [still]
+            finder.locate(BLANK)
+        detector.wholes = 0
+        for _ in range(30):
+            finder.locate(BLANK)
+        assert detector.wholes == 3
+        assert not detector.lost
+
+    def test_a_robot_lost_in_the_middle_of_the_picture_may_be_for_the_light(self) -> None:
+        detector = DrawnMarkers()
+        finder = localizer(detector, sweep_every=10, search_every=3)
+        detector.markers = [drawn(Pose2(0, 0, 0), MOUNTS[1]), drawn(Pose2(0, 1.0, 0), MOUNTS[2])]
+        finder.locate(BLANK)
+        assert not detector.lost
+        del detector.markers[1]
+        for _ in range(12):
+            finder.locate(BLANK)
+        assert detector.lost
 
     def test_a_robot_that_left_is_forgotten(self) -> None:
         detector = DrawnMarkers()

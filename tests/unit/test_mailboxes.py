@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
 import threading
 from collections.abc import Callable
@@ -45,9 +46,19 @@ class Box:
             **options,
         )
 
-    def file(self, name: str, speed: float, encoding: str | None = ENCODING, stamp: float | None = None) -> None:
+    def file(
+        self,
+        name: str,
+        speed: float,
+        encoding: str | None = ENCODING,
+        stamp: float | None = None,
+        *,
+        seq: int = 0,
+        epoch: int = 3,
+    ) -> None:
         stamp = self.clock.now() if stamp is None else stamp
-        self.inbox.file(f"muro/velocity/{name}", encode(SpeedReference(speed=speed, stamp=stamp, epoch=3)), encoding)
+        message = SpeedReference(speed=speed, stamp=stamp, seq=seq, epoch=epoch)
+        self.inbox.file(f"muro/velocity/{name}", encode(message), encoding)
 
     def garble(self, name: str) -> None:
         self.inbox.file(f"muro/velocity/{name}", GARBAGE, ENCODING)
@@ -576,3 +587,63 @@ def test_a_message_from_before_the_clock_was_set_back_has_no_age() -> None:
     assert received.age(999.95) == pytest.approx(-0.05)  # it came while the clock was being read
     assert received.age(999.8) == math.inf
     assert math.isnan(received.age(math.nan))
+
+
+# ---- messages that overtake each other
+
+
+@pytest.mark.parametrize("read_between", [True, False])
+async def test_a_message_that_was_overtaken_or_comes_twice_does_not_displace_a_later_one(read_between: bool) -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1, seq=5)
+    assert await box.next() == ("r1", 0.1)
+    for v, seq in ((0.3, 7), (0.2, 6), (0.3, 7)):
+        box.file("r1", v, seq=seq)
+        if read_between:
+            assert speed(box.inbox.get("r1")) == 0.3
+    assert await box.next() == ("r1", 0.3)
+    assert box.counts() == (4, 2, 0)
+    box.file("r1", 0.4, seq=8)
+    assert await box.next() == ("r1", 0.4)
+
+
+async def test_of_several_that_wait_the_one_sent_last_is_kept_whatever_their_order() -> None:
+    for order in itertools.permutations((2, 3, 4)):
+        box = Box(Latest)
+        box.file("r1", 0.1, seq=1)
+        assert await box.next() == ("r1", 0.1)
+        for seq in order:
+            box.file("r1", 0.1 * seq, seq=seq)
+        assert speed(box.inbox.get("r1")) == pytest.approx(0.4), order
+        assert box.counts() == (4, 2, 0)
+
+
+async def test_one_wrong_number_does_not_lock_its_writer_out() -> None:
+    box = Box(Latest)
+    box.file("r1", 9.0, seq=10**9)
+    assert speed(box.inbox.get("r1")) == 9.0
+    box.clock.advance(1.0)
+    box.file("r1", 0.1, seq=6)
+    assert speed(box.inbox.get("r1")) == 9.0
+    box.clock.advance(0.01)
+    box.file("r1", 0.2, seq=7)
+    assert speed(box.inbox.get("r1")) == 0.2
+
+
+@pytest.mark.parametrize(("seq", "epoch"), [(1, 4), (0, 3)])
+async def test_another_process_and_one_without_numbers_count_by_their_arrival(seq: int, epoch: int) -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1, seq=50)
+    assert speed(box.inbox.get("r1")) == 0.1
+    box.file("r1", 0.2, seq=seq, epoch=epoch)
+    assert speed(box.inbox.get("r1")) == 0.2
+
+
+async def test_messages_in_order_are_not_decoded_behind_the_last_good_one() -> None:
+    box = Box(Latest)
+    box.file("r1", 0.1, seq=1)
+    assert speed(box.inbox.get("r1")) == 0.1
+    box.garble("r1")
+    box.file("r1", 0.3, seq=3)
+    assert speed(box.inbox.get("r1")) == 0.3
+    assert box.counts() == (3, 1, 0)

@@ -272,6 +272,30 @@ class TestItChoosesTheWay:
             detector.detect(np.zeros((72, 128), np.uint8), wanted=0)
         assert not any(ways), "nothing is missing"
 
+    def test_what_is_searched_for_in_vain_is_searched_for_ever_more_rarely(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        ways: list[bool] = []
+        blank, square = np.zeros((72, 128), np.uint8), np.array([(10.0, 10), (50, 10), (50, 50), (10, 50)])
+
+        def read(self: ArucoReader, image: np.ndarray, smallest: float, *, hard: bool, crop: bool) -> list[Marker]:
+            ways.append(hard)
+            return [Marker(3, square)]
+
+        def tries(count: int, lost: bool = False) -> list[int]:
+            """Pictures of the next ``count`` that are searched the hard way too."""
+            found = []
+            for k in range(count):
+                ways.clear()
+                detector.detect(blank, wanted=10, lost=lost)
+                found += [k] if any(ways) else []
+            return found
+
+        monkeypatch.setattr(ArucoReader, "read", read)
+        detector = TagDetector()
+        assert tries(1500) == [0, 41, 122, 283, 604, 925, 1246]  # nine robots are elsewhere: 40, 80 ... 320 between
+        assert tries(80, lost=True)[:2] == [20, 41]  # at hand again, when one was lost that must be there
+
 
 class TestRendered:
     def test_corners_are_sharp_and_unbiased_after_jpeg(self) -> None:

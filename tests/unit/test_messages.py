@@ -16,17 +16,24 @@ from muro_zenoh import messages
 from muro_zenoh.channels import CHANNELS, VERBS
 from muro_zenoh.errors import MessageError
 from muro_zenoh.messages import (
+    MOST_NAMES,
     Behaviour,
     Circle,
     FleetSnapshot,
     Goal,
     Health,
+    LeaseState,
     Message,
     PoseFix,
     Reply,
+    Resume,
     RobotState,
+    SetBehaviour,
     SetCircle,
     SpeedReference,
+    Stop,
+    StopOrder,
+    TakeLease,
     VelocityCommand,
     check_encoding,
     decode,
@@ -51,7 +58,7 @@ robots = st.builds(
     v=finite,
     omega=finite,
     age=finite,
-    state=st.sampled_from(["tracking", "disagrees", "stale", "lost"]),
+    state=st.sampled_from(["tracking", "silent", "disagrees", "stale", "lost"]),
 )
 SPECIAL: dict[str, st.SearchStrategy[Any]] = {
     "name": names,
@@ -298,3 +305,24 @@ def test_a_circle_of_which_no_law_can_follow_the_arc_is_refused(kind: type[Circl
         with pytest.raises(MessageError, match=r"0\.001"):
             decode(encode(kind(stamp=1.0, x=0.0, y=0.0, radius=radius)), kind)
     assert Circle(x=0.0, y=0.0, radius=0.001).circle.radius == 0.001
+
+
+@pytest.mark.parametrize("kind", [StopOrder, Health, Stop, Resume, SetBehaviour, TakeLease, LeaseState])
+def test_lists_of_names_and_of_leases_are_bounded(kind: type[Message]) -> None:
+    """A stranger must not fill the memory with them."""
+    rest: dict[type[Message], dict[str, Any]] = {
+        StopOrder: {"all": False},
+        Health: {"role": "agent", "state": "x"},
+        Resume: {"revision": 1},
+        SetBehaviour: {"behaviour": "hold"},
+        TakeLease: {"program": "x", "operator": "y"},
+    }
+    lease = {"program": "x", "operator": "y", "epoch": 1, "since": 0.0}
+    field, item = {Health: ("stop_names", "r1"), LeaseState: ("leases", lease)}.get(kind, ("names", "r1"))
+    for count, good in ((MOST_NAMES, True), (MOST_NAMES + 1, False)):
+        payload = msgspec.msgpack.encode({"stamp": 1.0, **rest.get(kind, {}), field: [item] * count})
+        if good:
+            assert len(getattr(decode(payload, kind), field)) == count
+        else:
+            with pytest.raises(MessageError):
+                decode(payload, kind)

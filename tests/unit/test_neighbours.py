@@ -59,7 +59,8 @@ def test_a_close_successor_slows_a_robot_down() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "counts"), [("tracking", True), ("disagrees", True), ("stale", False), ("lost", False)]
+    ("state", "counts"),
+    [("tracking", True), ("silent", True), ("disagrees", True), ("stale", False), ("lost", False)],
 )
 def test_a_neighbour_that_no_camera_sees_is_not_on_the_ring(state: RobotStatus, counts: bool) -> None:
     assert speed(seen_by_r1({"r2": (0.6, state)})) == (CLOSE_AHEAD if counts else ALONE)

@@ -230,9 +230,9 @@ class TestStop:
     def stopped(end: float, resumed: float | None = None, latched_until: float = 10.0) -> Record:
         record = driving(still(), 0, 1.0, end)
         record.latched[(record.time >= 2.0) & (record.time < latched_until), 0] = True
-        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), True),)
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), True, 2.5),)
         if resumed is not None:
-            orders += (Ordered(resumed, OrderRow(at=resumed, kind="resume"), True),)
+            orders += (Ordered(resumed, OrderRow(at=resumed, kind="resume"), True, resumed + 0.01),)
         return dataclasses.replace(record, orders=orders)
 
     def test_it_stands(self) -> None:
@@ -249,8 +249,34 @@ class TestStop:
     @pytest.mark.parametrize(("accepted", "allowed"), [(True, True), (None, True), (False, False)])
     def test_it_drives_after_a_resume_unless_that_was_refused(self, accepted: bool | None, allowed: bool) -> None:
         record = driving(self.stopped(2.4, latched_until=4.0), 0, 4.2, 5.0)
-        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume"), accepted)
+        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume"), accepted, 4.5)
         assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) != allowed
+
+    @pytest.mark.parametrize(("answered", "allowed"), [(1.9, False), (2.1, True)])
+    def test_it_drives_after_a_resume_that_was_on_its_way_when_it_stopped(self, answered: float, allowed: bool) -> None:
+        record = driving(self.stopped(2.4, latched_until=2.2), 0, 2.6, 5.0)
+        resume = Ordered(1.0, OrderRow(at=1.0, kind="resume"), True, answered)
+        assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) != allowed
+
+    @pytest.mark.parametrize(("end", "broken"), [(2.4, False), (2.6, True)])
+    def test_it_does_not_say_that_it_has_stopped(self, end: float, broken: bool) -> None:
+        record = driving(still(), 0, 1.0, end)
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop", robots=("r1",)), False, 2.5),)
+        assert bool(breaches(dataclasses.replace(record, orders=orders), "stop")) == broken
+        resume = Ordered(2.2, OrderRow(at=2.2, kind="resume"), True, 2.3)
+        assert not breaches(dataclasses.replace(record, orders=(*orders, resume)), "stop")
+
+    def test_it_cannot_hear_that_it_is_to_stop(self) -> None:
+        orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), False, 2.5),)
+        effect = Effect(fault("partition", "r1", at=1.5, duration=2.0), 1.5, 3.5, {"r1": Activity.DRIVING})
+        record = dataclasses.replace(driving(still(), 0, 1.0, 3.0), orders=orders, effects=(effect,))
+        assert not breaches(record, "stop")
+
+    @pytest.mark.parametrize(("name", "broken"), [("r1", False), ("r2", True)])
+    def test_it_drives_after_another_robots_resume(self, name: str, broken: bool) -> None:
+        record = driving(self.stopped(2.4, latched_until=4.0), 0, 4.2, 5.0)
+        resume = Ordered(4.0, OrderRow(at=4.0, kind="resume", robots=(name,)), True, 4.01)
+        assert bool(breaches(dataclasses.replace(record, orders=(*record.orders, resume)), "stop")) == broken
 
     def test_its_latch_opens_without_a_resume(self) -> None:
         record = self.stopped(2.4, latched_until=4.0)

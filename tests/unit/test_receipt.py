@@ -69,6 +69,14 @@ def odometry(v: float, omega: float) -> Odometry:
     return message
 
 
+def test_one_that_nothing_was_heard_of_has_been_silent_since_the_order() -> None:
+    robot = Watched()
+    assert robot.receipt(1.2) == StopReceipt(StopStatus.UNCONFIRMED, None, None, None, pytest.approx(1.2))
+    robot.health(0.3, latched=True)
+    assert robot.receipt(1.2).status is StopStatus.NO_ODOMETRY
+    assert robot.receipt(1.2).silent == pytest.approx(1.2)
+
+
 def test_wheels_that_turn_again_do_not_stand() -> None:
     robot = Watched()
     robot.health(0.0, latched=True)
@@ -116,7 +124,8 @@ def test_another_base_begins_at_another_place() -> None:
 
 def test_who_is_gone_is_not_alive_whatever_it_said() -> None:
     robot = Watched()
-    assert robot.receipt(1.0, alive=False) == StopReceipt(StopStatus.NOT_ALIVE, None, None, None, None)
+    assert robot.receipt(1.0, alive=False) == StopReceipt(StopStatus.NOT_ALIVE, None, None, None, 1.0)
+    assert robot.watch.receipt(ORDERED + 1.0, alive=False, known=False).status is StopStatus.UNKNOWN
     robot.health(0.0, latched=True)
     robot.odometry(0.0, 0.0, 0.0)
     assert robot.receipt(0.2, alive=False) == StopReceipt(StopStatus.NOT_ALIVE, 0.0, 0.0, 0.0, pytest.approx(0.2))

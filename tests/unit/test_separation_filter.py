@@ -91,7 +91,7 @@ def test_it_listens_again_after_a_gap() -> None:
     assert made.step(0.35, at, AHEAD, Snapshot((row("r1", 0.0, 0.0),), 0.35, 1, 0.0)).reason.startswith("brakes")
 
 
-@pytest.mark.parametrize("state", ["disagrees", "stale", "lost"])
+@pytest.mark.parametrize("state", ["silent", "disagrees", "stale", "lost"])
 def test_a_robot_that_the_cameras_do_not_see_where_it_believes_to_be_brakes(state: str) -> None:
     step = separation().step(0.0, State(0.0, 0.0, 0.0, 0.3, 0.0), AHEAD, seen(row("r1", 0.0, 0.0, state=state)))
     assert step.twist == STILL

@@ -9,9 +9,12 @@ import pytest
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
 from muro_zenoh.safety.separation import Body, SeparationSettings
 from muro_zenoh.safety.separation.knowledge import Knowledge
+from muro_zenoh.safety.separation.path import stopping_distance
 
 BODY = Body()
 SETTINGS = SeparationSettings()
+ON = ("tracking",) * 4
+SILENT = "silent"
 
 
 def bounds_after(theta: float, *, changed_at: float = 0.0, until: float = 0.0, leaves: float = 0.0) -> list[float]:
@@ -105,3 +108,100 @@ def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) 
     assert [near.x for near in known.near(1.0 - back, 0.0, 0.0, 2.0)] == [0.8]
     assert min(line.bound for line in known.lines(0.0, 0.0, 1.0)) == pytest.approx(0.2)
     assert [learn(1.0 - back + 0.05 * k, 1.05 + 0.05 * k, 0.8) for k in range(1, 21)][-1] == ""
+
+
+# ---- a robot whose estimates do not reach the base station
+
+
+def learned(*states: str) -> Knowledge:
+    """What r0 knows of r1, which is seen at 0.8 m and comes nearer at 0.4 m/s while it is tracked, in these states in
+    turn."""
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k, state in enumerate(states):
+        rows = (
+            Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            Neighbour("r1", 0.8, 0.0, math.pi, 0.4 if state == "tracking" else 0.0, 0.0, 0.0, state),
+        )
+        known.learn(0.05 * k, Snapshot(rows, 0.05 * k, 1, 0.0))
+    return known
+
+
+def test_a_silent_robot_obeys_the_lines_and_so_do_the_others() -> None:
+    before, since = ([line.bound for line in learned(*states).lines(0.0, 0.0, 1.0)] for states in (ON, (*ON, SILENT)))
+    assert min(since) == min(before), "it may come as it could before, until it hears so"
+    assert len(since) == len(before) + 1
+    gone = learned(*ON, "stale").lines(0.0, 0.0, 1.0)
+    assert gone == []
+
+
+def test_a_silent_robot_is_an_obstacle_as_far_as_it_may_have_driven_since() -> None:
+    assert learned(*ON).obstacles == ()
+    (obstacle,) = learned(*ON, SILENT).obstacles
+    assert (obstacle.name, obstacle.x) == ("r1", 0.8)
+    assert obstacle.keep == 2.0 * BODY.radius + SETTINGS.margin
+    assert obstacle.dx == pytest.approx(-(0.4 * SETTINGS.hold + stopping_distance(0.4, BODY)))
+
+
+def test_a_silent_robot_does_not_drive() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    row = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, SILENT)
+    assert known.learn(0.0, Snapshot((row,), 0.0, 1, 0.0)) == "the base station does not hear from it"
+
+
+# ---- what is kept, and looked at
+
+
+@pytest.mark.parametrize("age", [math.nan, math.inf])
+def test_a_snapshot_whose_age_nobody_knows_is_not_kept(age: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    row = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert known.learn(0.0, Snapshot((row,), 0.0, 1, age)) == "no fresh positions"
+    assert not known._received
+
+
+@pytest.mark.parametrize(("age", "counts"), [(0.0, 0.0), (0.2, 0.2), (0.9, 0.25)])
+def test_snapshots_are_kept_for_longer_when_the_newest_shows_what_was_earlier(age: float, counts: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k in range(61):
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", 0.8, 0.0, 0.0, 0.0, 0.0, age))
+        known.learn(0.05 * k, Snapshot(rows, 0.05 * k, 1, 0.0))
+    kept = 3.0 - known._received[0].sent
+    assert kept == pytest.approx(SETTINGS.snapshot_limit + SETTINGS.hold + counts, abs=0.051)
+    assert kept <= SETTINGS.snapshot_limit + SETTINGS.hold + counts + 1e-9
+
+
+@pytest.mark.parametrize("mine", [0.0, 0.3])
+@pytest.mark.parametrize("theirs", [-0.4, 0.0, 0.5])
+@pytest.mark.parametrize("away", [0.6, 1.0, 1.6, 2.4])
+def test_no_line_within_reach_is_left_out(away: float, mine: float, theirs: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    rows = (
+        Neighbour("r0", 0.0, 0.0, 0.0, mine, 0.0, 0.0),
+        Neighbour("r1", away, 0.0, math.pi, theirs, 0.0, 0.0),
+    )
+    known.learn(0.0, Snapshot(rows, 0.0, 1, 0.0))
+    (line,) = known.lines(0.0, 0.0, 99.0)
+    assert known.lines(0.0, 0.0, line.bound + 1e-3) == [line]
+    assert known.lines(0.0, 0.0, line.bound - 1e-3) == []
+
+
+def test_neighbours_are_moved_on_from_when_they_were_seen() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    rows = (
+        Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        Neighbour("r1", 1.0, 0.0, math.pi, 0.4, 0.0, 0.1),
+    )
+    known.learn(0.05, Snapshot(rows, 0.0, 1, 0.05))
+    (near,) = known.near(0.15, 0.0, 0.0, 2.0)
+    assert near[:4] == pytest.approx((1.0 - 0.4 * 0.25, 0.0, -0.4, 0.0), abs=1e-9)
+    assert known.near(0.15, 0.0, 0.0, 0.91) == [near]
+    assert known.near(0.15, 0.0, 0.0, 0.89) == []
+
+
+def test_another_base_stations_snapshot_of_the_same_stamp_is_another_one() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k, epoch in enumerate((1, 1, 2)):
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), Neighbour("r1", 1.0 + k, 0.0, 0.0, 0.0, 0.0, 0.0))
+        known.learn(0.05 * k, Snapshot(rows, 7.0, epoch, 0.0))
+    assert [received.epoch for received in known._received] == [1, 2]
+    assert known.near(0.1, 0.0, 0.0, 9.0)[0].x == pytest.approx(3.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import pytest
 
@@ -15,6 +16,8 @@ from muro_zenoh.safety.separation.planner import CELL, SLICE, Planner, Segment
 ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 DOOR = ((0.0, 0.4, 0.0, 1.5), (0.0, -1.5, 0.0, -0.4))
 KEEP = 0.197
+MY_TURN, THEIR_TURN = 12.0, 4.0
+"""Of the robots on the door's left side [s]."""
 
 
 def planner() -> Planner:
@@ -75,19 +78,49 @@ def test_the_door_is_a_gate() -> None:
 @pytest.mark.parametrize(
     ("other", "waits"),
     [
-        (near(0.3, 0.0, vx=-0.4, theta=math.pi), True),  # nearer, and comes
-        (near(0.3, 0.0, theta=math.pi), False),  # parked
-        (near(0.3, 0.0, theta=math.pi, omega=FIDGET), True),  # waits
-        (near(0.9, 0.0, vx=-0.4, theta=math.pi), False),  # further from the gate than I am
-        (near(-0.3, 0.0, vx=0.4), False),  # on my side: I follow
+        (near(0.8, 0.0, vx=-0.4, theta=math.pi), True),  # comes, and it is its turn
+        (near(0.8, 0.0, theta=math.pi), False),  # parked
+        (near(0.8, 0.0, theta=math.pi, omega=FIDGET), True),  # waits
+        (near(0.8, 0.0, vx=0.4), False),  # drives away
+        (near(1.8, 0.0, vx=-0.4, theta=math.pi), False),  # far from the gate
+        (near(-0.5, 0.5, vx=0.4), False),  # on my side: I follow
     ],
 )
-def test_the_nearest_goes_first(other: Near, waits: bool) -> None:
+def test_the_sides_of_a_gate_take_turns(other: Near, waits: bool) -> None:
     (gate,) = gates_between(DOOR, ARENA, KEEP)
-    place = place_to_wait(gate, -0.6, 0.0, [other])
-    assert (place is not None) == waits
-    if place is not None:  # back from the gate on my side, and to my right
-        assert place == pytest.approx((-0.5, -0.8))
+    first, second = [place_to_wait(gate, -0.9, 0.0, [other], clock) for clock in (MY_TURN, THEIR_TURN)]
+    assert first is None
+    assert (second is not None) == waits
+    if second is not None:  # back from the gate on my side, and to my right
+        assert second == pytest.approx((-0.55, -0.55))
+
+
+@pytest.mark.parametrize("clock", [MY_TURN, THEIR_TURN])
+def test_who_is_inside_a_gate_goes_on_and_the_others_wait(clock: float) -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    inside = near(-0.2, 0.0, vx=-0.4, theta=math.pi)
+    assert place_to_wait(gate, -0.9, 0.0, [inside], clock) is not None
+    assert place_to_wait(gate, -0.2, 0.0, [near(0.6, 0.0, vx=-0.4, theta=math.pi)], clock) is None
+
+
+def test_one_follows_another_through_a_gate() -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    before = near(-0.3, 0.0, vx=0.4)
+    assert place_to_wait(gate, -0.45, 0.4, [before], MY_TURN) is None
+    assert place_to_wait(gate, -0.35, 0.35, [before], MY_TURN) == (-0.35, 0.35)
+    leaves = near(-0.3, 0.0, vx=-0.4, theta=math.pi)
+    assert place_to_wait(gate, -0.45, 0.4, [near(-0.6, 0.0, vx=0.4), leaves], THEIR_TURN) is not None
+
+
+def test_each_waits_in_a_place_of_its_own() -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    coming = near(0.8, 0.0, vx=-0.4, theta=math.pi)
+    queue = [near(-0.55 - 0.1 * k, -0.5, omega=FIDGET, theta=0.5) for k in range(4)]
+    places = [place_to_wait(gate, -1.3, -0.5, [coming, *queue[:k]], THEIR_TURN) for k in range(5)]
+    found = [place for place in places if place is not None]
+    assert len(found) == 5
+    assert min(math.dist(a, b) for a, b in combinations(found, 2)) > 0.4
+    assert all(ARENA.shrunk(KEEP).holds(x, y) for x, y in found)
 
 
 def test_robots_that_meet_both_turn_clockwise() -> None:
@@ -103,10 +136,22 @@ def test_patience_ends_one_robot_after_the_other_and_tries_two_things() -> None:
     for k in range(240):
         now = 0.05 * k
         for rank, patience in enumerate((first, second)):
-            patience.look(now, still, True)
+            patience.look(now, still, True, False)
             log[rank].append((patience.side, patience.retreating))
     began = [next(k for k, entry in enumerate(log[rank]) if entry != (-1.0, False)) for rank in (0, 1)]
     assert began[0] < began[1]
     assert {(1.0, False), (-1.0, True)} <= set(log[0])
-    first.look(12.0, still, False)
-    assert first.look(12.1, still, True) == pytest.approx(0.1)
+    first.look(12.0, still, False, False)
+    assert first.look(12.1, still, True, False) == pytest.approx(0.1)
+
+
+def test_a_robot_in_a_queue_is_patient_and_then_backs_off() -> None:
+    patience = Patience(0)
+    still = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    log = []
+    for k in range(160):
+        patience.look(0.05 * k, still, True, True)
+        log.append((patience.side, patience.retreating))
+    began = next(k for k, entry in enumerate(log) if entry != (-1.0, False))
+    assert 0.05 * began > 4.0
+    assert log[began] == (-1.0, True)

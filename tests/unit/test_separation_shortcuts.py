@@ -31,11 +31,11 @@ class Thorough(Knowledge):
     def lines(self, x: float, y: float, reach: float) -> list[Line]:
         found: list[Line] = []
         *older, newest = self._received
-        for row, mate in self._tracked:
+        for row, mate, v in self._tracked:
             line = self._line(newest, row.name)
             if line is not None and line.nx * x + line.ny * y + reach > line.bound:
                 found.append(line)
-            self._older_lines(x, y, reach, row, mate, math.inf, older, found)
+            self._older_lines(x, y, reach, row, mate, v, math.inf, older, found)
         return found
 
     def _older_lines(
@@ -45,6 +45,7 @@ class Thorough(Knowledge):
         reach: float,
         row: RobotSeen,
         mate: _Mate,
+        v: float,
         comes: float,
         older: list[_Received],
         found: list[Line],
@@ -58,7 +59,7 @@ class Thorough(Knowledge):
                 continue
             ahead = max(-line.nx * c - line.ny * s for line in crossed)
             drives = group[-1].sent + self._span - (self._sent - row.age)
-            come = travel_toward(row.v, math.acos(min(1.0, ahead)), mate.body, drives)
+            come = travel_toward(v, math.acos(min(1.0, ahead)), mate.body, drives)
             for nx, ny, bound, other in crossed:
                 there = max(bound, nx * row.x + ny * row.y - mate.keep - come)
                 if nx * x + ny * y + reach > there:

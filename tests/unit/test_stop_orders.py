@@ -530,7 +530,7 @@ def test_the_command_exits_with_0_when_everybody_has_confirmed(monkeypatch: pyte
 
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
     assert at_some_beat(done.output) == (
-        "stop sent 22:13:20.000\n"
+        "stop sent 22:13:20.000 to the router tcp/127.0.0.1:7447\n"
         "base station: did not answer: only the agents that are running now remember this stop, until it is back\n"
         "robot  latched after  at rest after  travelled\n"
         "r1     0.000 s        0.0x s         0.000 m    has stopped\n"
@@ -548,9 +548,41 @@ def test_the_command_names_a_robot_that_is_seen_and_not_alive(monkeypatch: pytes
     done = muro("stop", prepare=prepare, monkeypatch=monkeypatch)
     assert done.output.splitlines()[-2:] == [
         "r2     -              -              -          is not alive, so it does not confirm",
-        "1 of 2 robots stopped; no word from r2",
+        "1 of 2 robots stopped; r2 silent for 3.1 s",
     ]
     assert done.exit_code == 1
+
+
+def test_a_robot_that_nobody_knows_is_ordered_to_stop_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[StopOrder] = []
+
+    async def prepare(there: Lab) -> None:
+        await there.agents("r1")
+        await there.base_station()
+        orders = there.observer.every(channels.STOP)
+        there.stack.callback(lambda: sent.extend(order.message for order in orders.drain()))
+
+    done = muro("stop", "r1", "r9", prepare=prepare, monkeypatch=monkeypatch)
+    assert done.output.splitlines()[-3:] == [
+        "r9     -              -              -          no robot of this name is known",
+        "known robots: r1; the stop holds for the others, should they come",
+        "1 of 2 robots stopped; r9 unknown",
+    ]
+    assert done.exit_code == 1
+    assert ("r1", "r9") in {order.names for order in sent}
+
+
+def test_the_command_says_where_it_asked_when_nobody_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def prepare(there: Lab) -> None:
+        pass
+
+    done = muro("stop", "--connect", "tcp/127.0.0.1:7999", prepare=prepare, monkeypatch=monkeypatch)
+    first, *_, hint, last = done.output.splitlines()
+    assert first.endswith("to the router tcp/127.0.0.1:7999")
+    assert hint.endswith("name it with --connect")
+    assert (last, done.exit_code) == ("no robot is alive", 1)
+    table = json.loads(muro("stop", "--json", prepare=prepare, monkeypatch=monkeypatch).output)
+    assert table["routers"] == ["tcp/127.0.0.1:7447"]
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,9 @@ for which wheels go on with a command at most (the dead-man's, and a period); ``
 7. *Obstacles.* A robot that is lost, stale, foreign, or disagrees with the cameras does not keep apart: the whole
    ``d`` is kept from where it was seen, and from as far as it may have gone on since, straight on, held and braked.
    It stands still itself: a robot that the cameras do not track where it believes to be brakes.
+8. *Silent robots.* One whose estimates do not reach the base station is seen, but nobody knows its speed. It brakes
+   when it hears so. Until then it obeys the lines, so the others do as well, and keep ``d`` from where it may be like
+   from an obstacle.
 
 Assumed: wheels within their limits and lag; the base zeroes them when a command is older than the dead-man's time;
 own state to a few millimetres; the speeds in a snapshot as old as its poses, to 0.1 s; clocks that tell the age of a

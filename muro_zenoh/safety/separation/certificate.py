@@ -47,7 +47,7 @@ class Certificate:
         if y - reach < inside.y_min:
             lines.append(Line(0.0, -1.0, -inside.y_min, WALL))
         # A violation that braking cannot avoid is kept, never deepened.
-        braking = max(math.dist(rest[0], point) for point in rest)
+        braking = max([math.dist(rest[0], point) for point in rest])
         self._lines: list[tuple[float, float, float, str, float]] = []
         """Each with the distance from the robot to it [m]."""
         for nx, ny, bound, other in lines:
@@ -58,7 +58,7 @@ class Certificate:
                         bound = nx * px + ny * py
             bound += _GRACE
             self._lines.append((nx, ny, bound, other, bound - here))
-        self._nearest = min((line[-1] for line in self._lines), default=math.inf)
+        self._nearest = min([line[-1] for line in self._lines], default=math.inf)
         self._obstacles: list[tuple[Obstacle, float]] = [
             (obstacle, min(obstacle.keep, clearance(obstacle, rest)) - _GRACE)
             for obstacle in (*known.obstacles, *known.walls)
@@ -73,18 +73,18 @@ class Certificate:
         """
         if not self._lines and not self._obstacles:
             return ""
+        top = max(abs(self._state.v), abs(command.v))
+        braking = stopping_distance(top, self._body)
         # The robot may brake at its next decision, too; what is between the two lies between these paths.
         for held in (self._hold, _PERIOD):
-            if not self._obstacles:
-                top = max(abs(self._state.v), abs(command.v))
-                if top * held + stopping_distance(top, self._body) < self._nearest:
-                    continue
+            if not self._obstacles and top * held + braking < self._nearest:
+                continue
             points = braking_path(self._state, command, held, self._body)
-            x0, y0 = points[0]
-            far = max(math.hypot(x - x0, y - y0) for x, y in points) + _GRACE
-            for nx, ny, bound, other, away in self._lines:
+            here, ahead = points[0], points[1:]
+            far = max([math.dist(here, point) for point in ahead]) + _GRACE
+            for nx, ny, bound, other, away in self._lines:  # where the robot is, it is on its side of all of them
                 if away < far:
-                    for x, y in points:
+                    for x, y in ahead:
                         if nx * x + ny * y > bound:
                             return other
             for obstacle, allowed in self._obstacles:

@@ -115,7 +115,8 @@ class Separation:
         certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         near = self._known.near(now, state.x, state.y, _LOOK)
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
-        stood = self._patience.look(now, state, speed > _WANTS and far and not self._free and not self._route.waits)
+        wants = speed > _WANTS and far and not self._free
+        stood = self._patience.look(now, state, wants, self._route.waits)
         rests = speed <= _WANTS
         room = self._courtesy.look(now, state, rests, target, near, self._inside)
         if room is not None:
@@ -127,7 +128,8 @@ class Separation:
             if self._courtesy.returns and speed > UNHURRIED:
                 velocity = velocity[0] * UNHURRIED / speed, velocity[1] * UNHURRIED / speed
                 wanted = guided(state, (), *velocity, UNHURRIED, self._body.omega_max)
-            given, reason = self._get_past(now, state, wanted, velocity, near, certificate, target, stood)
+            clock = snapshot.stamp + snapshot.age if snapshot is not None else now
+            given, reason = self._get_past(now, state, wanted, velocity, near, certificate, target, stood, clock)
             if not reason and self._courtesy.returns and speed > UNHURRIED:
                 reason = "goes back to where it made room"
         self._free = not reason
@@ -143,6 +145,7 @@ class Separation:
         certificate: Certificate,
         target: Point | None,
         stood: float,
+        clock: float,
     ) -> Separated:
         """The wanted twist when it is free; else one that gets past those who are in the way."""
         x, y = state.x, state.y
@@ -150,26 +153,29 @@ class Separation:
         velocity = desired
         if target is not None:
             queues = not patience.retreating
-            velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues)
+            velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues, clock)
         ux, uy = velocity
         rows = rows_of(x, y, near)
         when, who = first_met(x, y, ux, uy, near)
-        is_free = when >= HORIZON and all(row.nx * ux + row.ny * uy <= row.bound for row in rows)
-        blocker = certificate.blocker(wanted)
+        is_free = when >= HORIZON and all(nx * ux + ny * uy <= bound for nx, ny, bound in rows)
+        blocker = certificate.blocker(wanted) if is_free or who is None else ""  # else it gives way to that one anyhow
         if is_free and not blocker and velocity == desired and not patience.retreating:
             return Separated(wanted, "")
         if patience.retreating:
             ux, uy = roomiest(state, near, self._inside, _SLOW)
         elif who is not None and when < HORIZON:
-            if target is None and goes_along(who, ux, uy):
+            if (target is None or self._route.passes) and goes_along(who, ux, uy):
                 ux, uy = free_speed(x, y, ux, uy, near)
             else:
                 ux, uy = free_direction(x, y, ux, uy, near, self._inside, patience.side)
         rows += wall_rows(x, y, self._inside)
         speed = max(math.hypot(*desired), 0.5 * _SLOW)
         twist = self._within_limits(guided(state, rows, ux, uy, speed, self._body.omega_max))
-        name = who.name if who is not None and when < math.inf else blocker or (near[0].name if near else WALL)
-        twist = self._certified(state, twist, certificate, now if stood >= 1.0 else None)
+        name = who.name if who is not None else blocker or (near[0].name if near else WALL)
+        waits = self._route.waits
+        if waits and twist == STILL:
+            twist = self._route.face_gate(state)
+        twist = self._certified(state, twist, certificate, now if stood >= 1.0 or waits else None)
         return Separated(twist, f"keeps clear of {name}")
 
     def _make_room(

@@ -1,4 +1,8 @@
-"""Right of way where two robots cannot pass: the nearest goes first, those of the other side wait beside the gate."""
+"""Right of way where two robots cannot pass: the sides take turns by the clock that all share, one robot after another.
+
+A side whose turn it is goes, and so does the other while nobody comes from that side. Who is inside goes on. Those who
+wait line up beside the gate, on their right, and leave its middle to those who come out.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,21 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import Bounds
-from muro_zenoh.safety.separation.guidance import Near, is_busy
+from muro_zenoh.safety.separation.guidance import FIDGET, Near
 from muro_zenoh.safety.separation.line import Point, Stretch, nearest_points
 
 _WIDEST: Final = 1.5
 """A passage is a gate below this multiple of what two robots need side by side."""
-_ZONE: Final = 1.3
+_ZONE: Final = 1.5
 """Robots this near to a gate's middle take part in its traffic [m]."""
-_BESIDE: Final = (0.5, 0.8)
-"""Where to wait, from the gate's middle: back from it, and to the robot's right [m]."""
+_TURN: Final = 8.0
+"""For how long it is one side's turn [s]: two or three robots pass."""
+_SPOTS: Final = ((0.55, 0.55), (0.6, 1.05), (1.05, 0.75), (1.1, 1.25), (1.55, 0.9))
+"""Where to wait, the nearest to the gate first: back from its middle, and to the robot's right [m]."""
+_APART: Final = 0.5
+"""Of those whose turn it is, each keeps this further from the gate's middle than the one before it [m]."""
+_INSIDE: Final = 0.1
+"""Robots count as inside a gate up to this beyond half its width from its middle [m]."""
 
 
 class Gate(NamedTuple):
@@ -74,7 +84,7 @@ def gate_ahead(gates: Sequence[Gate], way: Sequence[Point]) -> Gate | None:
     return None
 
 
-def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near]) -> Point | None:
+def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near], clock: float) -> Point | None:
     """Where a robot waits that has to let others through first; None when it may go.
 
     Args:
@@ -82,21 +92,33 @@ def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near]) -> Point
         x: its position [m, world].
         y: the same.
         near: the neighbours.
+        clock: the time that all robots share [s].
     """
-    side = (x - gate.x) * gate.nx + (y - gate.y) * gate.ny
-    sign = 1.0 if side >= 0.0 else -1.0
+    sign = 1.0 if (x - gate.x) * gate.nx + (y - gate.y) * gate.ny >= 0.0 else -1.0
+    nx, ny = sign * gate.nx, sign * gate.ny
     mine = math.hypot(x - gate.x, y - gate.y)
+    goes = mine < gate.half + _INSIDE or (math.fmod(clock, 2.0 * _TURN) < _TURN) == (sign > 0.0)
+    before, lets_through = 0, False
     for other in near:
-        if not is_busy(other):
+        if not _takes_part(other):
             continue
         px, py = other.x - gate.x, other.y - gate.y
         theirs = math.hypot(px, py)
-        across = sign * (px * gate.nx + py * gate.ny)
-        coming = sign * (math.cos(other.theta) * gate.nx + math.sin(other.theta) * gate.ny)
-        inside = theirs < gate.half + 0.1 and coming > 0.2
-        if (inside and theirs < mine) or (across < -0.05 and theirs < mine and coming > -0.5):
-            back, right = _BESIDE
-            nx, ny = sign * gate.nx, sign * gate.ny
-            # looking at the gate, -n, the right is n turned counter-clockwise
-            return gate.x + back * nx - right * ny, gate.y + back * ny + right * nx
-    return None
+        across = px * nx + py * ny
+        coming = math.cos(other.theta) * nx + math.sin(other.theta) * ny
+        if theirs < gate.half + _INSIDE and coming > 0.2:
+            lets_through |= theirs < mine
+        if across < -0.05 and theirs < _ZONE and coming > -0.5:
+            lets_through |= not goes
+        if across > 0.05 and theirs < mine and coming < -0.3:
+            before += 1
+    if not lets_through:
+        return (x, y) if mine < _APART * before else None
+    back, right = _SPOTS[min(before, len(_SPOTS) - 1)]
+    # looking at the gate, -n, the right is n turned counter-clockwise
+    return gate.x + back * nx - right * ny, gate.y + back * ny + right * nx
+
+
+def _takes_part(other: Near) -> bool:
+    """Whether a neighbour drives or waits to; one that is parked does not."""
+    return math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.5 * FIDGET

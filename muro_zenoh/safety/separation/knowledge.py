@@ -19,6 +19,9 @@ Wall = tuple[float, float, float, float]
 """A wall inside the arena, from x, y to x, y [m, world]."""
 
 WALL: Final = "the wall"
+_KEEPS_APART: Final = ("tracking", "silent")
+"""States of a robot that obeys the lines: a silent one still drives by them until it hears that it is silent."""
+
 GAP: Final = 0.3
 """After a gap of this length in the snapshots a robot listens before it drives [s]: it may have missed those that the
 others obey."""
@@ -94,10 +97,10 @@ class Knowledge:
             other: _Mate(known, own + known.radius, LEAST_NEED / (2.0 * LEAST_NEED + known.v_max))
             for other, known in others.items()
         }
-        self._tracked: list[tuple[RobotSeen, _Mate]] = []
+        self._tracked: list[tuple[RobotSeen, _Mate, float]] = []  # with the speed to expect
         self._speeds: dict[str, float] = {}
         self.obstacles: tuple[Obstacle, ...] = ()
-        """Robots that do not keep apart by themselves, in the newest snapshot."""
+        """Robots that do not keep apart by themselves, or may drive otherwise than the newest snapshot says."""
         self._seen: list[tuple[RobotSeen, float, float]] = []
         self._sent = -math.inf  # the newest snapshot
 
@@ -123,6 +126,8 @@ class Knowledge:
         newest = self._received[-1].sent
         if not now - newest <= self._settings.snapshot_limit:
             return "no fresh positions"
+        if self._me is not None and self._me.state == "silent":
+            return "the base station does not hear from it"
         if self._me is None or self._me.state != "tracking":
             return "the cameras do not see it where it believes to be"
         if newest - self._listening_since < self._span - 1e-6:
@@ -136,7 +141,7 @@ class Knowledge:
 
     def _has(self, snapshot: SharedSnapshot) -> bool:
         stamp, epoch = snapshot.stamp, snapshot.epoch
-        return any(each.stamp == stamp and each.epoch == epoch for each in reversed(self._received))
+        return (stamp, epoch) in [(each.stamp, each.epoch) for each in self._received]
 
     def _take(self, sent: float, snapshot: SharedSnapshot) -> None:
         received = self._received
@@ -163,9 +168,12 @@ class Knowledge:
         self._sent, self._tracked, self._seen = sent, [], []
         for name, row in rows.items():
             mate = self._mates.get(name)
-            if mate is not None and row.state == "tracking":
+            tracked = mate is not None and row.state == "tracking"
+            if tracked:
                 self._speeds[name] = row.v
-                self._tracked.append((row, mate))
+            if mate is not None and row.state in _KEEPS_APART:
+                self._tracked.append((row, mate, self._speeds.get(name, 0.0)))
+            if mate is not None and tracked:
                 self._seen.append((row, mate.keep, row.v))
             else:
                 body = mate.body if mate is not None else self._largest
@@ -197,7 +205,7 @@ class Knowledge:
         found: list[Line] = []
         *older, newest = self._received
         span, longest_stops = self._span, self._longest_stops
-        for row, mate in self._tracked:
+        for row, mate, v in self._tracked:
             body, keep, part = mate
             free = math.hypot(row.x - x, row.y - y) - keep
             # A line leaves a robot at least this part of the free floor between the two stretches.
@@ -206,12 +214,12 @@ class Knowledge:
             line = self._line(newest, row.name)
             if line is not None and line[0] * x + line[1] * y + reach > line[2]:
                 found.append(line)
-            speed = abs(row.v)  # it may come backwards
+            speed = abs(v)  # it may come backwards
             top = max(body.v_max, speed)
             if free <= reach + top * (span + row.age + body.lag) + 0.5 * top * top / body.brake:
                 comes = travel_toward(speed, 0.0, body, span + row.age)
                 if free <= reach + comes:
-                    self._older_lines(x, y, reach, row, mate, comes, older, found)
+                    self._older_lines(x, y, reach, row, mate, v, comes, older, found)
         return found
 
     def _older_lines(
@@ -221,15 +229,18 @@ class Knowledge:
         reach: float,
         row: RobotSeen,
         mate: _Mate,
+        v: float,
         comes: float,
         older: list[_Received],
         found: list[Line],
     ) -> None:
-        """Add the lines of older snapshots between this robot and one that comes no further than ``comes`` [m]."""
+        """Add the lines of older snapshots between this robot and one with a speed ``v`` [m/s], that comes no further
+        than ``comes`` [m]."""
         name, body, keep = row.name, mate.body, mate.keep
+        there_x, there_y = row.x, row.y
         c, s = math.cos(row.theta), math.sin(row.theta)
         # Beside a line a robot that comes straight on has this for itself; less when it comes from elsewhere.
-        away_x, away_y, least = row.x - x, row.y - y, keep + comes + reach
+        away_x, away_y, least = there_x - x, there_y - y, keep + comes + reach
         beyond = self._span - self._sent + row.age
         for start in range(0, len(older), _TOGETHER):
             group = older[start : start + _TOGETHER]
@@ -250,10 +261,10 @@ class Knowledge:
                 continue
             # How far it comes toward me by the time when the last of these snapshots is too old, and it has braked.
             drives = group[-1].sent + beyond
-            come = travel_toward(row.v, math.acos(min(1.0, ahead)), body, drives)
+            come = travel_toward(v, math.acos(min(1.0, ahead)), body, drives)
             for line in crossed:
                 nx, ny, bound, _ = line
-                there = nx * row.x + ny * row.y - keep - come
+                there = nx * there_x + ny * there_y - keep - come
                 if there <= bound:
                     found.append(line)
                 elif nx * x + ny * y + reach > there:
@@ -266,7 +277,7 @@ class Knowledge:
             return lines[name]
         row, mate = received.rows.get(name), self._mates.get(name)
         line = None
-        if row is not None and mate is not None and row.state == "tracking" and received.mine is not None:
+        if row is not None and mate is not None and row.state in _KEEPS_APART and received.mine is not None:
             line = line_between(received.mine, self._stretch(row, mate.body), name)
         lines[name] = line
         return line

@@ -28,6 +28,8 @@ _STAGGER: Final = 0.25
 _RANKS: Final = 10
 """How long a robot stands before it tries something else, and how much longer than the one before it in the order of
 names [s]; after so many robots it begins anew."""
+_QUEUES_FOR: Final = 5.0
+"""How long it waits in a queue instead [s]."""
 _TRIES_FOR: Final = 2.5
 """How long it tries that [s]."""
 
@@ -126,13 +128,14 @@ class Patience:
         self.retreating = False
         """Whether the robot backs off now."""
 
-    def look(self, now: float, state: State, wants: bool) -> float:
+    def look(self, now: float, state: State, wants: bool, queues: bool) -> float:
         """Notice whether the robot gets on.
 
         Args:
             now: the time [s].
             state: its state.
             wants: whether it wants to go anywhere and is not free to.
+            queues: whether it waits for its turn at a gate: then it is patient for longer, and backs off at once.
 
         Returns:
             For how long it has stood [s].
@@ -144,10 +147,11 @@ class Patience:
             self._anchor, self._since = here, now
         if now >= self._until:
             self.side, self.retreating = -1.0, False
-            if now - self._since > _PATIENCE + _STAGGER * self._rank:
+            patience = _QUEUES_FOR if queues else _PATIENCE
+            if now - self._since > patience + _STAGGER * self._rank:
                 self._tries += 1
                 self._since = now
-                if self._tries % 2:
+                if self._tries % 2 and not queues:
                     self.side, self._until = 1.0, now + _TRIES_FOR
                 else:
                     self.retreating, self._until = True, now + _TRIES_FOR + _STAGGER * self._rank

@@ -16,6 +16,10 @@ SLICE: Final = 80
 """Cells that are looked at in one slice of a search."""
 _DETOUR: Final = 0.6
 """How much further a robot goes to avoid driving against a standing one [m]."""
+_BERTH: Final = 0.2
+"""A robot would rather keep this further from a wall than it has to [m] ..."""
+_TIGHT: Final = 3.0
+"""... and beside the wall goes as far round as this many times the way."""
 _DIAGONAL: Final = math.sqrt(2.0)
 
 
@@ -46,10 +50,15 @@ class Planner:
         self._columns = columns + 2
         self._rows = rows + 2
         self._free = bytearray(self._columns * self._rows)
+        self._beside_walls: dict[int, float] = {}
+        """What a step into a cell near a wall costs more, as a part of its length."""
         for row in range(1, rows + 1):
             for k in range(row * self._columns + 1, row * self._columns + 1 + columns):
                 x, y = self._place(k)
-                self._free[k] = all(_away(wall, x, y) >= wall.keep for wall in walls)
+                free = min((_away(wall, x, y) - wall.keep for wall in walls), default=_BERTH)
+                self._free[k] = free >= 0.0
+                if 0.0 <= free < _BERTH:
+                    self._beside_walls[k] = _TIGHT * (1.0 - free / _BERTH)
         self._steps = tuple((j * self._columns + i, step) for i, j, step in _STEPS)
 
     def sees(self, start: Point, end: Point) -> bool:
@@ -137,7 +146,7 @@ class Planner:
         yield path[::-1]
 
     def _costs(self, slow: Sequence[tuple[float, float, float]]) -> dict[int, float]:
-        costs: dict[int, float] = {}
+        costs = self._beside_walls.copy()
         for x, y, keep in slow:
             cost = _DETOUR / (2.0 * keep) * 4.0
             for k in self._around(x, y, math.ceil(keep / CELL)):

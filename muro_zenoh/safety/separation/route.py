@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from muro_zenoh.geometry import Bounds
-from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
+from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
+from muro_zenoh.safety.separation.gates import Gate, gate_ahead, gates_between, place_to_wait
 from muro_zenoh.safety.separation.guidance import Near
 from muro_zenoh.safety.separation.knowledge import WALL, Wall
 from muro_zenoh.safety.separation.line import Point
@@ -14,11 +14,13 @@ from muro_zenoh.safety.separation.planner import Planner, Segment
 
 _STANDS = 1.0
 """A robot that has stood for this time looks for a way round [s] ..."""
-_FOLLOWS = 3.0
+_FOLLOWS = 8.0
 """... and follows it for this time [s]."""
 _PLAN_PERIOD = 1.0
 _LOOK_AHEAD = 0.5
 _AT_PLACE = 0.1
+_FACES = 0.3
+"""A robot that waits at a gate looks at it within this angle [rad]."""
 
 
 class Route:
@@ -37,11 +39,25 @@ class Route:
         self._plan: list[Point] = []
         self._search: Iterator[list[Point] | None] | None = None
         self._plan_again = self._follow_until = -math.inf
+        self._gate: Gate | None = None
         self.waits = False
         """Whether the robot lets others through a gate now."""
 
+    @property
+    def passes(self) -> bool:
+        """Whether the robot is on its way through a gate now, in a row with others."""
+        return self._gate is not None and not self.waits
+
     def toward(
-        self, now: float, here: Point, velocity: Point, target: Point, near: Sequence[Near], stood: float, queues: bool
+        self,
+        now: float,
+        here: Point,
+        velocity: Point,
+        target: Point,
+        near: Sequence[Near],
+        stood: float,
+        queues: bool,
+        clock: float,
     ) -> Point:
         """The preferred velocity on the way to a place.
 
@@ -53,14 +69,18 @@ class Route:
             near: the neighbours.
             stood: for how long the robot has stood [s].
             queues: whether it lets others through a gate first.
+            clock: the time that all robots share [s].
 
         Returns:
             The velocity [m/s], no faster than the desired one.
         """
         self.waits = False
-        if self._planner.sees(here, target) and stood < _STANDS and now >= self._follow_until:
+        straight = self._planner.sees(here, target) and stood < _STANDS and now >= self._follow_until
+        if straight and not self._gates:
             return velocity
-        if now >= self._plan_again:
+        if straight:
+            self._plan, self._search = [here, target], None
+        elif now >= self._plan_again:
             slow = [(o.x, o.y, o.keep) for o in near if o.name != WALL and math.hypot(o.vx, o.vy) < 0.05]
             self._search = self._planner.search(here, target, slow)
             self._plan_again = now + _PLAN_PERIOD
@@ -71,18 +91,29 @@ class Route:
             if found is not None:
                 self._plan, self._search = found, None
         speed = math.hypot(*velocity)
-        gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates and queues else None
-        place = place_to_wait(gate, *here, near) if gate is not None else None
-        if place is not None:
-            self.waits = True
-            return (
-                _toward(here, place, min(speed, math.dist(place, here)))
-                if math.dist(place, here) > _AT_PLACE
-                else (0.0, 0.0)
-            )
+        self._gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates and queues else None
+        if self._gate is not None:
+            place = place_to_wait(self._gate, *here, near, clock)
+            if place is not None:
+                self.waits = True
+                away = math.dist(place, here)
+                return _toward(here, place, min(speed, away)) if away > _AT_PLACE else (0.0, 0.0)
+        if straight:
+            return velocity
         ahead = (p for p in reversed(self._plan) if math.dist(p, here) <= _LOOK_AHEAD and self._planner.sees(here, p))
         point = next(ahead, None)
         return velocity if point is None or math.dist(point, here) < 0.05 else _toward(here, point, speed)
+
+    def face_gate(self, state: State) -> Twist2:
+        """A turn on the spot toward the gate in front of which the robot waits; none when it looks that way.
+
+        Args:
+            state: its state.
+        """
+        if self._gate is None:
+            return STILL
+        alpha = wrap_to_pi(math.atan2(self._gate.y - state.y, self._gate.x - state.x) - state.theta)
+        return Twist2(0.0, math.copysign(min(1.0, 2.0 * abs(alpha)), alpha)) if abs(alpha) > _FACES else STILL
 
 
 def _toward(here: Point, there: Point, speed: float) -> Point:

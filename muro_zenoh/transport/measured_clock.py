@@ -1,4 +1,8 @@
-"""The base station's clock, as every other process measures it: asked about once a second, and answered at once."""
+"""Another process's clock as this one measures it: asked about once a second, and answered at once.
+
+Every process measures the base station's, and an agent that of its base: a link that was slow from the beginning would
+else count as quick, and wheel speeds would seem to be later than they are.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import math
 from typing import Final
 
 from muro_zenoh import channels
+from muro_zenoh.channels import Verb
 from muro_zenoh.config import ClockSettings
 from muro_zenoh.errors import MuroError
 from muro_zenoh.messages import AskTime, Reply
@@ -31,8 +36,60 @@ _STEP_SHOWN: Final = 10.0
 """A clock that was set stays a complaint for this time [s]."""
 
 
-class StationClock:
-    """Our clock against the base station's.
+class MeasuredClock:
+    """Our clock against another process's.
+
+    Args:
+        bus: the bus; its mailboxes judge the other's messages by what is measured.
+        verb: asks for the time.
+        name: whose, where the verb has names.
+    """
+
+    def __init__(self, bus: Bus, verb: Verb[AskTime], name: str = "") -> None:
+        self._bus = bus
+        self._verb = verb
+        self._name = name
+        self._estimate = OffsetEstimate()
+        self._epoch = 0
+        self._at_once = _FIRST
+
+    async def run(self) -> None:
+        """Measure until cancelled."""
+        while True:
+            with contextlib.suppress(MuroError):  # nobody answers, or not with a reply: it is asked again
+                await self._ask()
+            self._at_once = max(0, self._at_once - 1)
+            await asyncio.sleep(_FIRST_PERIOD if self._at_once else _PERIOD)
+
+    async def _ask(self) -> None:
+        bus, estimate = self._bus, self._estimate
+        sent = bus.clock.now()
+        question = AskTime(offset=estimate.offset if estimate.best is not None else None)
+        reply = await bus.ask(self._verb, question, name=self._name, timeout=_TIMEOUT)
+        self.take(reply.epoch, RoundTrip(sent, reply.received, reply.stamp, bus.clock.now()))
+
+    def take(self, epoch: int, trip: RoundTrip) -> float:
+        """Take an answer.
+
+        Args:
+            epoch: the process that answered; another one starts anew.
+            trip: the time stamps.
+
+        Returns:
+            By how much its clock was set against ours [s]; 0 unless that is certain.
+        """
+        if epoch != self._epoch:
+            self._epoch, self._estimate, self._at_once = epoch, OffsetEstimate(), _FIRST
+        step = self._estimate.add(trip)
+        if self._estimate.best is not None:
+            self._bus.clocks.note(epoch, -self._estimate.offset, trip.returned)
+        if step:
+            self._at_once = _FIRST
+        return step
+
+
+class StationClock(MeasuredClock):
+    """Our clock against the base station's, and what an operator should know of it.
 
     Args:
         bus: the bus; its mailboxes judge the base station's messages by what is measured.
@@ -40,50 +97,25 @@ class StationClock:
     """
 
     def __init__(self, bus: Bus, settings: ClockSettings) -> None:
-        self._bus = bus
+        super().__init__(bus, channels.TIME)
         self._settings = settings
-        self._estimate = OffsetEstimate()
-        self._epoch = 0
         self._step = 0.0
         self._stepped = -math.inf
         self._answered = bus.clock.now()
-        self._at_once = _FIRST
 
-    async def run(self) -> None:
-        """Measure until cancelled."""
-        while True:
-            with contextlib.suppress(MuroError):  # nobody answers, or not with a reply: that is a complaint below
-                await self._ask()
-            self._at_once = max(0, self._at_once - 1)
-            await asyncio.sleep(_FIRST_PERIOD if self._at_once else _PERIOD)
-
-    async def _ask(self) -> None:
-        bus, best = self._bus, self._estimate.best
-        sent = bus.clock.now()
-        question = AskTime(offset=best.offset if best is not None else None)
-        reply = await bus.ask(channels.TIME, question, timeout=_TIMEOUT)
-        self.take(reply.epoch, RoundTrip(sent, reply.received, reply.stamp, bus.clock.now()))
-
-    def take(self, epoch: int, trip: RoundTrip) -> None:
-        """Take an answer.
+    def take(self, epoch: int, trip: RoundTrip) -> float:
+        """Take an answer, as :meth:`MeasuredClock.take` does.
 
         Args:
             epoch: the base station that answered; another one starts anew.
             trip: the time stamps.
         """
-        now = trip.returned
-        if epoch != self._epoch:
-            self._epoch, self._estimate, self._at_once = epoch, OffsetEstimate(), _FIRST
-        step = self._estimate.add(trip)
-        best = self._estimate.best
-        if best is None:
-            return
-        self._answered = now
-        self._bus.clocks.note(epoch, -best.offset, best.returned)
-        if step:
-            self._at_once = _FIRST
+        step = super().take(epoch, trip)
+        if self._estimate.best is not None:
+            self._answered = trip.returned
         if abs(step) > self._settings.step:
-            self._step, self._stepped = step, now
+            self._step, self._stepped = step, trip.returned
+        return step
 
     def complaints(self) -> tuple[str, ...]:
         """What is wrong with our clock or the base station's, for the operator."""
@@ -110,17 +142,19 @@ class StationClock:
         if best is None:
             return {}
         return {
-            "clock_offset_s": round(best.offset, 6),
+            "clock_offset_s": round(self._estimate.offset, 6),
             "clock_round_trip_s": round(best.duration, 6),
             "clock_bound_s": round(self._estimate.bound(self._bus.clock.now()), 6),
         }
 
 
-def answer_time(bus: Bus) -> Closable:
-    """Answer with this process's time: what makes it the base station's clock.
+def answer_time(bus: Bus, verb: Verb[AskTime] = channels.TIME, name: str = "") -> Closable:
+    """Answer with this process's time.
 
     Args:
-        bus: the base station's; its mailboxes judge the askers' messages by what they have measured.
+        bus: this process's; its mailboxes judge the askers' messages by what they have measured.
+        verb: that asks for it: by default for the base station's.
+        name: whose time, where the verb has names.
     """
 
     def answer(order: AskTime) -> Reply:
@@ -128,7 +162,7 @@ def answer_time(bus: Bus) -> Closable:
             bus.clocks.note(order.epoch, order.offset, bus.clock.now())
         return Reply(accepted=True)
 
-    return bus.answer(channels.TIME, answer)
+    return bus.answer(verb, answer, name=name)
 
 
 def _time(value: float) -> str:
