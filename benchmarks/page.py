@@ -1,0 +1,211 @@
+"""The page in a browser: how long one draw takes, what an idle page sends, and how fast `Stop all` stops all wheels.
+
+    python benchmarks/page.py [--only draw|idle|stop] [--presses 50] [--json FILE]
+
+``draw``: a hundred robots, 20 states a second for 20 s, in Debian's chromium without a GPU; all robots with trails, on
+a circle, or deployed with a cell, a path and a goal each. The time is that of the page's own drawing code, by
+``performance.now()``. ``idle``: a page of a real ``muro run pursuit`` that nobody touches for a minute. ``stop``: the
+button is pressed twice at random moments of such a run; the time runs from the press to all wheels at rest by the
+simulator's truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import math
+import random
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import msgpack
+from playwright.async_api import Browser, Route, WebSocketRoute
+
+from benchmarks.support.rows import quantile, write
+from tests.support.browser import STATIC, PagedRun, Visit, browser_missing, chromium, paged_run, visit
+
+ROBOTS = 100
+RATE = 20.0
+SECONDS = 20.0
+ARENA = (-8.0, -6.0, 8.0, 6.0)
+RADIUS = 5.0
+GOAL_MS = 8.0
+STOPPED_WITHIN = 0.5
+
+NAMES = [f"r{number + 1}" for number in range(ROBOTS)]
+
+Row = dict[str, Any]
+
+
+def hello() -> Row:
+    """What the page is told first."""
+    robot = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "tag": 1, "margin": 0.05}
+    kind = {"summary": "", "needs": ["circle"], "parameters": {}}
+    outline = [[ARENA[0], ARENA[1]], [ARENA[2], ARENA[1]], [ARENA[2], ARENA[3]], [ARENA[0], ARENA[3]]]
+    return {
+        "kind": "hello",
+        "version": "0",
+        "realm": "muro",
+        "scenario": "benchmark",
+        "arena": ARENA,
+        "robots": dict.fromkeys(NAMES, robot),
+        "cameras": {"north": {"outline": outline}},
+        "behaviours": {"pursuit": kind},
+        "may_steer": True,
+        "simulated": False,
+        "faults": {},
+    }
+
+
+def state(number: int, deployed: bool) -> Row:
+    """A state; all robots move, and in the first one they have their details."""
+    t = number / RATE
+    robots, details = {}, {}
+    for index, name in enumerate(NAMES):
+        if deployed:
+            x, y = -7.2 + 1.6 * (index % 10), -5.4 + 1.2 * (index // 10)
+            x, y, theta = (
+                x + 0.3 * math.cos(0.7 * t + index),
+                y + 0.3 * math.sin(0.7 * t + index),
+                0.7 * t + index + 1.6,
+            )
+        else:
+            angle = 2.0 * math.pi * index / ROBOTS + 0.04 * t
+            x, y, theta = RADIUS * math.cos(angle), RADIUS * math.sin(angle), angle + 1.6
+        robots[name] = [x, y, theta, 0.2, 0.04, 0.06, 0.2, 0.04]
+        if number == 0:
+            details[name] = _details(x, y, theta, deployed)
+    made: Row = {"kind": "state", "t": 1.7e9 + t, "seq": number, "robots": robots}
+    if number == 0:
+        circle = {"x": 0.0, "y": 0.0, "radius": RADIUS, "clockwise": False, "revision": 1, "importance": None}
+        made |= {"details": details, "gaps": {}, "circle": circle}
+        made |= {"stop": {"all": False, "names": [], "revision": 0}, "lease": [], "processes": {}, "events": []}
+    return made
+
+
+def _details(x: float, y: float, theta: float, deployed: bool) -> Row:
+    corners = [[x - 0.8, y - 0.6], [x + 0.8, y - 0.6], [x + 0.8, y + 0.6], [x - 0.8, y + 0.6]]
+    return {
+        "state": "driving",
+        "reason": "",
+        "note": "keeps clear of r3",
+        "seen": "tracking",
+        "alive": True,
+        "pose_age": 0.06,
+        "latency": 0.002,
+        "cal": [1.0, 1.0],
+        "wheels": "",
+        "parameters": {},
+        "behaviour": "coverage" if deployed else "pursuit",
+        "cell": {"corners": corners, "x": x, "y": y} if deployed else None,
+        "path": {"x": x, "y": y, "theta": theta, "segments": [[0.6, 2.0], [0.5, 0.0], [0.6, -2.0]]}
+        if deployed
+        else None,
+        "goal": [x + 0.4, y + 0.3, 0.5] if deployed else None,
+    }
+
+
+async def draw(browser: Browser, deployed: bool) -> Row:
+    """How long the page draws a hundred robots [ms]."""
+    packed = [msgpack.packb(state(number, deployed)) for number in range(int(SECONDS * RATE))]
+    tasks: set[asyncio.Task[None]] = set()
+
+    async def serve(socket: WebSocketRoute) -> None:
+        socket.send(msgpack.packb(hello()))
+        for message in packed:
+            socket.send(message)
+            await asyncio.sleep(1.0 / RATE)
+
+    def connected(socket: WebSocketRoute) -> None:
+        tasks.add(asyncio.create_task(serve(socket)))
+
+    async def file(route: Route) -> None:
+        await route.fulfill(path=STATIC / (route.request.url.partition("muro.test/")[2] or "index.html"))
+
+    async with visit(browser, "about:blank", viewport={"width": 1920, "height": 1080}) as opened:
+        await opened.page.route("http://muro.test/**", file)
+        await opened.page.route_web_socket("**/ws", connected)
+        await opened.page.goto("http://muro.test/")
+        await opened.sees(NAMES)
+        await asyncio.gather(*tasks)
+        times = await opened.muro("times")
+        scene = "cells, paths, goals" if deployed else "circle"
+        found = {q: quantile(times, value) for q, value in {"p50": 0.5, "p95": 0.95, "max": 1.0}.items()}
+        return {"what": "draw", "scene": scene, "robots": ROBOTS, "draws": len(times), "unit": "ms", **found}
+
+
+async def idle(opened: Visit, seconds: float) -> Row:
+    """What a page sends that nobody touches."""
+    before = await opened.muro("sent")
+    await asyncio.sleep(seconds)
+    return {"what": "idle", "seconds": seconds, "sent": await opened.muro("sent") - before}
+
+
+async def stop(opened: Visit, run: PagedRun, presses: int) -> Row:
+    """How long all wheels turn after a press [s]."""
+    chance = random.Random(1)
+    page, times = opened.page, []
+    box = await page.locator("#stop").bounding_box()
+    assert box is not None
+    for _ in range(presses):
+        await run.time_until(lambda: len(run.moving()) == len(run.robots), 20.0, "all robots drive")
+        await asyncio.sleep(chance.uniform(0.2, 1.5))
+        watching = asyncio.create_task(run.time_until(lambda: not run.moving(), 5.0, "all wheels at rest"))
+        await page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        times.append(await watching)
+        await page.locator("#receipt.good").wait_for()
+        await page.locator("#resume button").click()
+        await page.locator("#resume button", has_text="Yes").click()
+        await page.locator("#resume").wait_for(state="hidden")
+    found = {q: quantile(times, value) for q, value in {"p50": 0.5, "p95": 0.95, "max": 1.0}.items()}
+    return {"what": "stop", "presses": presses, "unit": "s", **found}
+
+
+async def measure(only: str | None, presses: int) -> list[Row]:
+    """All of it.
+
+    Args:
+        only: one of the three; None for all.
+        presses: of the button.
+    """
+    rows = []
+    async with chromium() as browser:
+        if only in (None, "draw"):
+            rows += [await draw(browser, deployed) for deployed in (False, True)]
+        if only == "draw":
+            return rows
+        with tempfile.TemporaryDirectory() as folder:
+            async with (
+                paged_run(Path(folder), "pursuit", robots=5) as run,
+                visit(browser, run.url) as opened,
+            ):
+                await opened.sees(run.robots)
+                if only in (None, "idle"):
+                    rows.append(await idle(opened, 60.0))
+                if only in (None, "stop"):
+                    rows.append(await stop(opened, run, presses))
+    return rows
+
+
+def main() -> int:
+    """Measure, print, and say whether the goals are met."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("draw", "idle", "stop"))
+    parser.add_argument("--presses", type=int, default=50)
+    parser.add_argument("--json", type=Path, help="also write the rows to this file")
+    given = parser.parse_args()
+    if missing := browser_missing():
+        print(missing, file=sys.stderr)
+        return 2
+    rows = asyncio.run(measure(given.only, given.presses))
+    for row in rows:
+        print("  ".join(f"{key} {value}" for key, value in row.items()))
+    write(given.json, rows)
+    limits = {"draw": ("p95", GOAL_MS), "idle": ("sent", 0), "stop": ("max", STOPPED_WITHIN)}
+    return 0 if all(row[limits[row["what"]][0]] <= limits[row["what"]][1] for row in rows) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

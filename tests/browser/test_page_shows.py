@@ -1,0 +1,162 @@
+"""What the page shows of a real ``muro run pursuit``: every robot, where it is, on every screen, to everybody."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from playwright.async_api import Browser
+
+from tests.support.browser import PagedRun, Visit, visit
+from tests.support.waiting import seconds
+
+pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+
+AXE = Path(__file__).parents[2] / "node_modules" / "axe-core" / "axe.min.js"
+
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+
+TABS = ("robots", "behaviour", "plots", "health")
+
+ARENA = (-2.1, -1.5, 2.1, 1.5)
+EDGE = 26
+
+
+async def test_every_robot_is_there_within_three_seconds(browser: Browser, run: PagedRun) -> None:
+    async with visit(browser, "about:blank") as opened:
+        began = time.monotonic()
+        await opened.page.goto(run.url)
+        await opened.sees(run.robots, 3.0)
+        assert time.monotonic() - began < seconds(3.0)
+        assert await opened.page.locator("#robots strong").all_inner_texts() == list(run.robots)
+        await opened.page.locator("#link", has_text="Live").wait_for()
+
+
+async def test_places_on_the_canvas_are_those_of_all_positions(operator: Visit, run: PagedRun) -> None:
+    """Within a pixel, and by a reckoning of the test's own."""
+    size = await operator.page.evaluate(
+        "[document.querySelector('#floor').clientWidth, document.querySelector('#floor').clientHeight]"
+    )
+    scale = min((size[0] - 2 * EDGE) / (ARENA[2] - ARENA[0]), (size[1] - 2 * EDGE) / (ARENA[3] - ARENA[1]))
+    compared = 0
+    for _ in range(50):
+        # Both at one moment of the page: it is not redrawn in between.
+        state, pixels = await operator.page.evaluate(
+            "names => [window.muro.state, Object.fromEntries(names.map(name => [name, window.muro.screenOf(name)]))]",
+            list(run.robots),
+        )
+        await asyncio.sleep(0.1)  # the snapshot may come to us a moment later than to the page
+        snapshot = run.snapshot_like(state["robots"])
+        if snapshot is None:
+            continue
+        for robot in snapshot.robots:
+            expected = (size[0] / 2 + robot.x * scale, size[1] / 2 - robot.y * scale)
+            assert pixels[robot.name] == pytest.approx(expected, abs=1.0), robot
+        compared += 1
+        if compared == 5:
+            return
+    raise AssertionError(f"only {compared} states of the page were found among the snapshots")
+
+
+async def test_what_is_painted_is_where_the_hook_says(operator: Visit, run: PagedRun, tmp_path: Path) -> None:
+    """The octagon of a stopped robot is symmetric, so that its middle can be found in a picture of the page."""
+    await operator.page.keyboard.press("Escape")
+    every_stopped = "names => names.every(name => window.muro.conditionOf(name) === 'stopped')"
+    await operator.until(every_stopped, 5, list(run.robots))
+    await run.time_until(lambda: not run.moving(), 5.0, "every robot stands")
+    picture = tmp_path / "floor.png"
+    await operator.page.wait_for_timeout(300)
+    await operator.page.locator("#floor").screenshot(path=picture)
+    image = cv2.imread(str(picture)).astype(int)
+    red = np.abs(image - np.array([0x1C, 0x16, 0xC4])).sum(axis=2) < 60
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(red.astype(np.uint8))
+    for name in run.robots:
+        x, y = await operator.muro(f"screenOf('{name}')")
+        middles = [(box[0] + box[2] / 2, box[1] + box[3] / 2) for box in boxes[1:] if box[4] > 200]
+        assert min(abs(x - mx) + abs(y - my) for mx, my in middles) < 2.0, (name, (x, y), middles)
+    await resume(operator)
+
+
+async def test_on_a_phone_nothing_overflows(browser: Browser, run: PagedRun) -> None:
+    async with visit(browser, run.url, **PHONE) as opened:
+        await opened.sees(run.robots)
+        stop = opened.page.locator("#stop")
+        for tab in TABS:
+            await opened.page.locator(f"#tab-{tab}").tap()
+            await opened.page.wait_for_timeout(100)
+            width = await opened.page.evaluate("document.documentElement.scrollWidth")
+            assert width <= 390, tab
+            box = await stop.bounding_box()
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= 390
+            assert box["y"] + box["height"] <= 844, "the stop button is always in sight"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+async def test_axe_finds_nothing_serious(browser: Browser, run: PagedRun, scheme: str) -> None:
+    if not AXE.exists():
+        pytest.skip("no axe-core: make setup")
+    async with visit(browser, run.url, color_scheme=scheme) as opened:
+        await opened.sees(run.robots)
+        await opened.page.evaluate(AXE.read_text())  # not as a script of the page, whose policy allows its own only
+        await opened.page.locator("#robots button").first.click()
+        for tab in TABS:
+            await opened.page.locator(f"#tab-{tab}").click()
+            await opened.page.wait_for_timeout(300)
+            found: dict[str, Any] = await opened.page.evaluate("axe.run({resultTypes: ['violations']})")
+            serious = [
+                (violation["id"], [node["html"][:120] for node in violation["nodes"]][:3])
+                for violation in found["violations"]
+                if violation["impact"] in ("serious", "critical")
+            ]
+            assert serious == [], tab
+
+
+async def test_everything_can_be_reached_by_the_keyboard(operator: Visit) -> None:
+    reached: set[str] = set()
+    for _ in range(40):
+        await operator.page.keyboard.press("Tab")
+        reached.add(await operator.page.evaluate("document.activeElement.id || document.activeElement.textContent"))
+    assert {"theme", "nearer", "pictures", "stop", "tab-robots"} <= reached
+    await operator.page.locator("#tab-robots").focus()
+    for tab in TABS[1:]:
+        await operator.page.keyboard.press("ArrowRight")
+        assert await operator.page.locator(f"#panel-{tab}").is_visible()
+
+
+async def test_a_viewer_cannot_steer_and_can_stop(browser: Browser, run: PagedRun) -> None:
+    async with visit(browser, run.viewer_url) as opened:
+        await opened.sees(run.robots)
+        await opened.page.locator("#tab-behaviour").click()
+        assert await opened.page.locator("#panel-behaviour button[type=submit]").first.is_disabled()
+        assert await opened.page.locator("#panel-behaviour .fields input").first.is_disabled()
+        await opened.page.locator("#tab-robots").click()
+        await opened.page.locator("#robots button").first.click()
+        assert await opened.page.locator("#card form.goal").count() == 0
+        await opened.press_on_floor(1.5, 1.0)  # a drag of the view, no goal
+        assert await opened.muro("sent") == 0
+        await opened.page.keyboard.press(" ")
+        await opened.page.locator("#receipt.good").wait_for()
+        assert await opened.page.locator("#resume button").count() == 0
+    async with visit(browser, run.url) as opened:
+        await opened.sees(run.robots)
+        await resume(opened)
+
+
+async def test_a_page_says_when_it_may_not_read(browser: Browser, run: PagedRun) -> None:
+    async with visit(browser, f"{run.viewer_url}/#token=wrong") as opened:
+        await opened.page.locator("#veil", has_text="does not let this page in").wait_for()
+
+
+async def resume(opened: Visit) -> None:
+    """Lift a stop as a person does: asked once."""
+    await opened.page.locator("#resume button", has_text="Resume").click()
+    await opened.page.locator("#resume button", has_text="Yes").click()
+    assert "taken" in await opened.notice("Resume")
+    await opened.page.locator("#resume").wait_for(state="hidden")

@@ -1,0 +1,261 @@
+"""What is ordered from the page, against a real ``muro run pursuit`` with real processes, judged by the truth."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import random
+import signal
+
+import pytest
+from playwright.async_api import Browser
+
+from tests.support.browser import PagedRun, Visit, visit
+from tests.support.waiting import seconds
+
+pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+
+STOPPED_WITHIN = 0.5
+"""From the press of the button to wheels at rest [s]."""
+
+LET_GO_WITHIN = 0.3
+"""From the loss of the hand to a base that is commanded zero [s]; the wheels then take their time to brake."""
+
+BRAKING = 0.35
+
+
+async def test_a_click_on_the_floor_drives_a_robot_there(operator: Visit, run: PagedRun) -> None:
+    """Its behaviour takes no goals: the refusal says so, and offers one that does."""
+    page = operator.page
+    await page.locator("#robots button", has_text="r1").click()
+    before = run.truth("r1")
+    ahead = math.atan2(before.y, before.x) + 0.5  # a little on, and off the circle: others pass there
+    x, y = 1.4 * math.cos(ahead), 1.15 * math.sin(ahead)
+    await operator.press_on_floor(x, y)
+    words = await operator.notice("r1 to")
+    assert "refused" in words
+    assert "takes no goals" in words
+    await page.locator("#notices button", has_text="Run dubins on r1").click()
+    await page.locator("#notices li.taken", has_text="r1 to").wait_for()
+    away = lambda: math.hypot(run.truth("r1").x - x, run.truth("r1").y - y)  # noqa: E731
+    await run.time_until(lambda: away() < 0.1, 30.0, "r1 at its goal")
+    # A drag says the heading.
+    await page.mouse.move(*await operator.pixel("screenAt(-1.3, -0.9)"))
+    await page.mouse.down()
+    px, py = await operator.pixel("screenAt(-1.3, -0.9)")
+    await page.mouse.move(px + 60, py, steps=3)
+    await page.mouse.up()
+    assert "taken" in await operator.notice("heading 0°")
+    await start(operator, "r1", "pursuit")
+
+
+async def test_behaviours_and_the_circle_are_changed_live(operator: Visit, run: PagedRun) -> None:
+    page = operator.page
+    await start(operator, "", "circle")
+    await page.locator("#tab-behaviour").click()
+    field = page.locator("#panel-behaviour .fields input[name=speed]")
+    await field.fill("0.1")
+    await field.press("Tab")  # running already: it applies at once
+    await page.locator("#notices li.taken", has_text="All robots: circle").nth(1).wait_for()
+    await operator.until(
+        "() => Object.values(window.muro.state.robots).every(row => Math.abs(row[3] - 0.1) < 0.04)", 15
+    )
+    await field.fill("-1")
+    await field.press("Tab")
+    assert await field.evaluate("field => !field.checkValidity()"), "outside its limits"
+    form = page.locator("#panel-behaviour form").nth(1)
+    await form.locator("input[name=radius]").fill("9")
+    await form.locator("button[type=submit]").click()
+    assert "at most" in await operator.notice("Circle of 9 m")
+    # By hand: the handles are where the circle is.
+    await form.locator("button", has_text="Move on the floor").click()
+    await page.mouse.move(*await operator.pixel("screenAt(0, 0)"))
+    await page.mouse.down()
+    await page.mouse.move(*await operator.pixel("screenAt(0.2, 0.1)"), steps=3)
+    await page.mouse.up()
+    assert "taken" in await operator.notice("Circle of 0.8 m at (0.")
+    await form.locator("button", has_text="Done").click()
+    await start(operator, "", "pursuit")
+
+
+async def test_stop_all_stops_all_wheels_in_half_a_second(operator: Visit, run: PagedRun) -> None:
+    """At random moments, by the button and by either key, pressed twice; benchmarks/dashboard.py: 50 times."""
+    chance = random.Random(1)
+    for way in ("#stop", " ", "Escape", "#stop"):
+        assert await stop_once(operator, run, way, chance.uniform(0.3, 1.5)) < seconds(STOPPED_WITHIN)
+
+
+async def test_the_space_bar_stops_wherever_the_focus_is(operator: Visit, run: PagedRun) -> None:
+    page = operator.page
+    await page.locator("#tab-behaviour").click()
+    for focused in (
+        "#tab-behaviour",
+        "#theme",
+        "#panel-behaviour select[name=behaviour]",
+        ".fields input",
+    ):
+        await run.time_until(lambda: len(run.moving()) == len(run.robots), 10.0, "all robots drive")
+        theme = await page.locator("#theme").get_attribute("aria-label")
+        await page.locator(focused).first.focus()
+        await page.keyboard.press(" ")
+        await run.time_until(lambda: not run.moving(), STOPPED_WITHIN, f"all stand; the focus was on {focused}")
+        assert await page.locator("#theme").get_attribute("aria-label") == theme, "it presses no button"
+        await page.locator("#receipt.good").wait_for()
+        await resume(operator)
+
+
+async def test_a_receipt_names_who_does_not_answer(operator: Visit, run: PagedRun) -> None:
+    agent = run.child("agent", "r2")
+    agent.send_signal(signal.SIGSTOP)
+    try:
+        await operator.page.keyboard.press("Escape")
+        missing = operator.page.locator("#receipt.bad .missing li", has_text="r2")
+        await missing.wait_for(timeout=1000 * seconds(8))
+        assert "2 of 3 robots confirmed" in await operator.page.locator("#receipt").inner_text()
+    finally:
+        agent.send_signal(signal.SIGCONT)
+    await resume(operator)
+
+
+async def test_an_idle_page_sends_nothing(operator: Visit, run: PagedRun) -> None:
+    """For three seconds here, and for a minute in benchmarks/dashboard.py."""
+    await operator.page.locator("#tab-plots").click()
+    await operator.page.mouse.move(300, 300)
+    await operator.page.wait_for_timeout(3000)
+    assert await operator.muro("sent") == 0
+
+
+async def test_a_held_key_and_a_lost_hand_give_zero_wheels(browser: Browser, run: PagedRun) -> None:
+    """The focus goes, the tab is hidden, the connection is cut: each with the key still held."""
+    losses = {
+        "blur": "window.dispatchEvent(new Event('blur'))",
+        "hidden": "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange'))",
+        "cut": "",
+    }
+    async with visit(browser, run.url) as opened:
+        await opened.sees(run.robots)
+        await by_hand(opened, "r3")
+        for turn, (loss, event) in enumerate(losses.items()):
+            key = ("ArrowLeft", "ArrowRight")[turn % 2]
+            await opened.page.keyboard.down(key)
+            await run.time_until(lambda: abs(run.truth("r3").omega) > 0.3, 5.0, "r3 turns")
+            if event:
+                await opened.page.evaluate(event)
+            else:
+                await opened.page.close()
+            await run.time_until(lambda: "r3" not in run.moving(), LET_GO_WITHIN + BRAKING, f"r3 stands: {loss}")
+            if event:
+                await opened.page.keyboard.down(key)  # as a held key repeats
+            await asyncio.sleep(0.3)
+            assert "r3" not in run.moving(), f"and it goes on standing: {loss}"
+            if event:
+                await opened.page.keyboard.up(key)
+    async with visit(browser, run.url) as opened:
+        await opened.sees(run.robots)
+        await start(opened, "r3", "pursuit")
+
+
+async def test_a_hand_drives_a_robot_and_the_stop_is_above_it(operator: Visit, run: PagedRun) -> None:
+    page = operator.page
+    await by_hand(operator, "r3")
+    pad = await page.locator(".pad").bounding_box()
+    assert pad is not None
+    x, y = pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2
+    await page.mouse.move(x, y)
+    await page.mouse.down()
+    await page.mouse.move(x - 70, y, steps=3)
+    await run.time_until(lambda: run.truth("r3").omega > 0.2, 5.0, "r3 turns to the left")
+    await page.keyboard.press("Escape")
+    await run.time_until(lambda: not run.moving(), STOPPED_WITHIN, "all stand, with the stick still held")
+    await asyncio.sleep(0.3)
+    assert not run.moving()
+    await page.mouse.up()
+    await page.locator("#receipt.good").wait_for()
+    await resume(operator)
+    await start(operator, "r3", "pursuit")
+
+
+async def test_what_is_broken_by_hand_shows_and_is_kept_for_a_scenario(operator: Visit, run: PagedRun) -> None:
+    page = operator.page
+    await page.locator("#tab-faults").click()
+    form = page.locator("#panel-faults form")
+    await form.locator("select[name=kind]").select_option("crash")
+    await form.locator("select[name=target]").select_option("r2/agent")
+    await form.locator("input[name=duration]").fill("1.5")
+    await form.locator("button[type=submit]").click()
+    assert "taken" in await operator.notice("Break r2/agent: crash")
+    await page.locator("#aside li", has_text="r2").wait_for()
+    rows = await page.locator("#panel-faults pre").inner_text()
+    assert 'kind = "crash"' in rows
+    assert 'target = "r2/agent"' in rows
+    await page.locator("#aside li", has_text="r2").wait_for(state="hidden", timeout=1000 * seconds(10))
+    async with page.expect_download() as saving:
+        await page.locator("#panel-faults button", has_text="Save").click()
+    assert (await saving.value).suggested_filename == "faults.toml"
+
+
+async def test_a_killed_base_station_shows_and_comes_back(operator: Visit, run: PagedRun) -> None:
+    run.child("basestation").kill()
+    link = operator.page.locator("#link")
+    await link.get_by_text("Disconnected").wait_for(timeout=1000 * seconds(5))
+    assert "was seen last" in await operator.page.locator("#veil").inner_text()
+    await operator.page.keyboard.press("Escape")
+    assert "Not connected" in await operator.page.locator("#receipt").inner_text()
+    await link.get_by_text("Live").wait_for(timeout=1000 * seconds(15))
+    # The stop that was owed is given, and confirmed.
+    await operator.page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
+    await operator.page.locator("#veil").wait_for(state="hidden")
+    operator.complaints.clear()  # the browser says itself that it could not connect
+    await resume(operator)
+
+
+# ---- what a person does
+
+
+async def resume(opened: Visit) -> None:
+    """Lift a stop: asked once."""
+    await opened.page.locator("#resume button", has_text="Resume").click()
+    await opened.page.locator("#resume button", has_text="Yes").click()
+    await opened.page.locator("#resume").wait_for(state="hidden")
+
+
+async def stop_once(opened: Visit, run: PagedRun, way: str, after: float) -> float:
+    """Stop all a while after all drive, pressing twice; returns when all wheels stood [s]. Then resume."""
+    await run.time_until(lambda: len(run.moving()) == len(run.robots), 10.0, "all robots drive")
+    await asyncio.sleep(after)
+    page = opened.page
+    if way == "#stop":
+        x, y = 0.0, 0.0
+        box = await page.locator(way).bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        pressing = page.mouse.dblclick(x, y)
+    else:
+        pressing = page.keyboard.press(way)
+    watching = asyncio.create_task(run.time_until(lambda: not run.moving(), STOPPED_WITHIN, "all wheels stand"))
+    await pressing
+    if way != "#stop":
+        await page.keyboard.press(way)
+    took = await watching
+    await page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
+    await resume(opened)
+    return took
+
+
+async def start(opened: Visit, name: str, behaviour: str) -> None:
+    """Start a behaviour with the parameters that it has by default, on one robot or all."""
+    await opened.page.locator("#tab-behaviour").click()
+    form = opened.page.locator("#panel-behaviour form").first
+    await form.locator("select[name=who]").select_option(name)
+    await form.locator("select[name=behaviour]").select_option(behaviour)
+    await form.locator("button[type=submit]").click()
+    assert "taken" in await opened.notice(f"{name or 'All robots'}: {behaviour}")
+    await opened.page.locator("#tab-robots").click()
+
+
+async def by_hand(opened: Visit, name: str) -> None:
+    """Take a robot by the hand."""
+    await opened.page.locator("#robots button", has_text=name).click()
+    await opened.page.locator("#card button", has_text="Drive by hand").click()
+    await opened.page.locator(".pad").wait_for()

@@ -1,0 +1,239 @@
+"""A browser, and a fleet of real processes with its page: for tests, benchmarks and screenshots."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import socket
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import psutil
+import pytest
+from playwright.async_api import Browser, BrowserContext, Page, async_playwright
+
+from muro_zenoh import channels
+from muro_zenoh.channels import Role
+from muro_zenoh.config import BusSettings
+from muro_zenoh.messages import FleetSnapshot, Truth
+from muro_zenoh.transport import Bus, open_bus
+from tests.support.process import Process
+from tests.support.router import free_port
+from tests.support.waiting import seconds
+
+CHROMIUM: Final = Path("/usr/bin/chromium")
+
+_FLAGS: Final = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+STATIC: Final = Path(__file__).parents[2] / "basestation" / "dashboard" / "static"
+
+_REST: Final = (0.005, 0.02)
+"""Wheels are at zero below these [m/s, rad/s]."""
+
+
+def browser_missing() -> str:
+    """Why there can be no test in a browser on this machine; empty when there can."""
+    if not CHROMIUM.exists():
+        return f"no {CHROMIUM}: apt-get install chromium"
+    if not (STATIC / "vendor" / "msgpack.min.js").exists():
+        return "the page's libraries are not installed: make setup"
+    return ""
+
+
+needs_browser = pytest.mark.skipif(bool(browser_missing()), reason=browser_missing())
+
+
+@asynccontextmanager
+async def chromium() -> AsyncIterator[Browser]:
+    """Debian's browser, without a window."""
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=str(CHROMIUM), args=_FLAGS)
+        try:
+            yield browser
+        finally:
+            await browser.close()
+
+
+class Visit:
+    """A page that somebody has open.
+
+    Attributes:
+        page: Playwright's.
+        complaints: what the browser's console complained of, and what was thrown.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on(
+            "console", lambda message: message.type in ("error", "warning") and self.complaints.append(message.text)
+        )
+
+    async def muro(self, expression: str) -> Any:
+        """A value of the page's hook for tests, such as ``sent``."""
+        return await self.page.evaluate(f"window.muro.{expression}")
+
+    async def until(self, expression: str, limit: float = 10.0, argument: Any = None) -> None:
+        """Wait until an expression holds in the page, at most for ``limit`` (scaled) [s]."""
+        await self.page.wait_for_function(expression, arg=argument, timeout=1000 * seconds(limit))
+
+    async def sees(self, names: Sequence[str], limit: float = 10.0) -> None:
+        """Wait until robots have a place on the canvas."""
+        every = "names => window.muro && names.every(name => window.muro.screenOf(name) !== null)"
+        await self.until(every, limit, list(names))
+
+    async def press_on_floor(self, x: float, y: float) -> None:
+        """Click a place of the floor [m, world]."""
+        await self.page.mouse.click(*await self.pixel(f"screenAt({x}, {y})"))
+
+    async def pixel(self, where: str) -> tuple[float, float]:
+        """A pixel of the canvas, such as ``screenOf('r1')``, in the window's pixels."""
+        px, py = await self.muro(where)
+        box = await self.page.locator("#floor").bounding_box()
+        assert box is not None
+        return box["x"] + px, box["y"] + py
+
+    async def notice(self, words: str, limit: float = 10.0) -> str:
+        """Wait for the notice of an order that has these words; returns all of it."""
+        notice = self.page.locator("#notices li", has_text=words).first
+        await notice.wait_for(timeout=1000 * seconds(limit))
+        return " ".join(await notice.locator("strong, span").all_inner_texts())
+
+
+@asynccontextmanager
+async def visit(browser: Browser, url: str, **options: Any) -> AsyncIterator[Visit]:
+    """Open a page; a test whose page complains in the console fails.
+
+    Args:
+        browser: the browser.
+        url: where to.
+        options: of the context, such as ``viewport``.
+    """
+    context: BrowserContext = await browser.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+    try:
+        visited = Visit(await context.new_page())
+        await visited.page.goto(url)
+        yield visited
+        assert visited.complaints == []
+    finally:
+        await context.close()
+
+
+class PagedRun:
+    """``muro run`` with its page, and an observer on its bus. Made by :func:`paged_run`.
+
+    Attributes:
+        process: the process of `muro run`.
+        robots: the robots' names.
+        url: the operator's link.
+        viewer_url: the link of one who may not steer.
+        bus: the observer's.
+    """
+
+    def __init__(self, process: Process, robots: tuple[str, ...], url: str, viewer_url: str, bus: Bus) -> None:
+        self.process = process
+        self.robots = robots
+        self.url = url
+        self.viewer_url = viewer_url
+        self.bus = bus
+        self._truth = bus.latest(channels.TRUTH, "*")
+        self._snapshots = bus.every(channels.ALL_POSITIONS, depth=256)
+        self._seen: deque[FleetSnapshot] = deque(maxlen=256)
+
+    def serves(self) -> bool:
+        """Whether the page is served."""
+        address = urlsplit(self.url)
+        with socket.socket() as probe:
+            return probe.connect_ex((address.hostname or "", address.port or 0)) == 0
+
+    def truth(self, name: str) -> Truth:
+        """The newest true state of a robot."""
+        received = self._truth.get(name)
+        assert received is not None, f"no truth of {name}"
+        return received.message
+
+    def moving(self) -> list[str]:
+        """The robots whose wheels turn now, by the truth."""
+        found = []
+        for name in self.robots:
+            truth = self.truth(name)
+            if abs(truth.v) > _REST[0] or abs(truth.omega) > _REST[1]:
+                found.append(name)
+        return found
+
+    async def time_until(self, condition: Callable[[], bool], limit: float, what: str) -> float:
+        """Wait until a condition holds; returns after which time it did [s]. Fails after ``limit`` (scaled) [s]."""
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        while not condition():
+            assert loop.time() - began < seconds(limit), f"{what}: not within {seconds(limit):g} s"
+            await asyncio.sleep(0.005)
+        return loop.time() - began
+
+    def snapshot_like(self, rows: dict[str, Any]) -> FleetSnapshot | None:
+        """The snapshot that a state of the page shows: the one whose places it has."""
+        self._seen += (received.message for received in self._snapshots.drain())
+        for snapshot in reversed(self._seen):
+            places = {robot.name: robot for robot in snapshot.robots}
+            if all(
+                name in places and math.hypot(row[0] - places[name].x, row[1] - places[name].y) < 1e-4
+                for name, row in rows.items()
+            ):
+                return snapshot
+        return None
+
+    def child(self, *words: str) -> psutil.Process:
+        """The process of the run whose command line has these words."""
+        for child in psutil.Process(self.process.pid).children(recursive=True):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                if set(words) <= set(child.cmdline()):
+                    return child
+        raise AssertionError(f"no process {words}")
+
+
+@asynccontextmanager
+async def paged_run(folder: Path, scenario: str, *arguments: str, robots: int) -> AsyncIterator[PagedRun]:
+    """A run of real processes with a page.
+
+    Args:
+        folder: a new one, for what the run leaves.
+        scenario: its name or file.
+        arguments: more of `muro run`.
+        robots: how many.
+    """
+    command = ["-m", "muro_zenoh", "run", scenario, "--headless", "--web", f"127.0.0.1:{free_port()}"]
+    command += ["--robots", str(robots), "--duration", "3600", *arguments]
+    with contextlib.chdir(folder):
+        process = Process(command, name="muro run")
+    with process:
+        operator = process.line("page: ", 30.0).removeprefix("page: ").strip()
+        viewer = process.line("      to look", 5.0).rpartition(" ")[2].strip()
+        connect = _endpoints(folder)
+        names = tuple(f"r{number + 1}" for number in range(robots))
+        async with open_bus(BusSettings(connect=connect), Role.OPERATOR) as bus:
+            run = PagedRun(process, names, operator, viewer, bus)
+            await run.time_until(lambda: all(run._truth.get(name) for name in names), 10.0, "truth of every robot")
+            await run.time_until(run.serves, 10.0, "the page is served")
+            yield run
+
+
+def _endpoints(folder: Path) -> tuple[str, ...]:
+    """Where the processes of a run connect to."""
+    (settings,) = folder.glob("runs/*/scenario.json")
+    return tuple(json.loads(settings.read_text())["bus"]["connect"])
