@@ -207,7 +207,7 @@ class Desk:
         return _of_reply(await self._bus.ask(channels.CLEAR, Clear(name=order.name)))
 
     async def _break(self, order: BreakOrder) -> dict[str, Any]:
-        if not self._watch.simulated:
+        if not self._watch.can_be_broken:
             raise ValueError("only a fleet that `muro run` simulates can be broken")
         fault = Break(fault=order.kind, target=order.target, duration=order.duration, numbers=order.numbers)
         return _of_reply(await self._bus.ask(channels.BREAK, fault, timeout=_BREAK_TIMEOUT))

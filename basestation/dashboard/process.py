@@ -88,8 +88,8 @@ class Dashboard:
         while True:
             self._watch.frames.set_part("page", {"clients": len(self.clients)})
             self._watch.tick()
-            simulated = self._watch.simulated
-            self.clients.change_hello(simulated=simulated, faults=self._faults if simulated else {})
+            breakable = self._watch.can_be_broken
+            self.clients.change_hello(simulated=breakable, faults=self._faults if breakable else {})
             self.clients.tick()
             due = max(due + (PERIOD if len(self.clients) else _IDLE_PERIOD), loop.time())
             await asyncio.sleep(due - loop.time())

@@ -72,7 +72,7 @@ class FleetWatch:
         return _messages(self._behaviours)
 
     @property
-    def simulated(self) -> bool:
+    def can_be_broken(self) -> bool:
         """Whether this fleet is simulated, and a run is there that breaks it on an operator's order."""
         return bool(self._roster.of(Role.SUPERVISOR)) and bool(self._roster.of(Role.SIMULATOR))
 

@@ -250,9 +250,9 @@ TAKE_LEASE = Verb("lease", m.TakeLease, at_any_age=True)  # it moves no robot, a
 TIME = Verb(
     "time", m.AskTime, asked_by=(Role.AGENT, Role.BASE, Role.SIMULATOR, Role.CAMERA, Role.OPERATOR), at_any_age=True
 )
+BASE_TIME = Verb("base_time", m.AskTime, named="robot", answered_by=Role.BASE, asked_by=(Role.AGENT,), at_any_age=True)
 BREAK = Verb("break", m.Break, answered_by=Role.SUPERVISOR)
 BEFALL = Verb("befall", m.Break, answered_by=Role.SIMULATOR, asked_by=(Role.SUPERVISOR,))
-BASE_TIME = Verb("base_time", m.AskTime, named="robot", answered_by=Role.BASE, asked_by=(Role.AGENT,), at_any_age=True)
 GOAL_ORDER = Verb("goal", m.Goal, named="robot", answered_by=Role.AGENT, ros="move_base_simple/goal")
 
 CHANNELS: Final[tuple[Channel[Any], ...]] = tuple(row for row in [*globals().values()] if isinstance(row, Channel))

@@ -17,7 +17,7 @@ from muro_zenoh.config import Scenario, as_table, parse_scenario
 from muro_zenoh.config.faults import KINDS, Place
 
 ROBOTS: Final = 10
-DURATION: Final = 32.0
+DURATION: Final = 30.0
 """Of a random trial [s]."""
 
 _NAMES: Final = tuple(f"r{number}" for number in range(1, ROBOTS + 1))

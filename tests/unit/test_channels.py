@@ -28,7 +28,7 @@ def test_every_channel_has_a_unique_word() -> None:
 def test_the_package_has_every_row_of_the_table_and_nothing_that_the_table_only_uses() -> None:
     rows = [row for row in vars(channels).values() if isinstance(row, channels.Channel | channels.Verb)]
     assert rows == [*CHANNELS, *VERBS]
-    assert [c.word for c in (channels.CAMERA, channels.TRUTH)] == [CHANNELS[0].word, CHANNELS[-1].word]
+    assert [c.word for c in (channels.CAMERA, channels.FAULTS)] == [CHANNELS[0].word, CHANNELS[-1].word]
     assert [v.word for v in (channels.SET_CIRCLE, channels.GOAL_ORDER)] == [VERBS[0].word, VERBS[-1].word]
     assert not {"Any", "Final", "m", "CONTROL"} & set(vars(channels))
 

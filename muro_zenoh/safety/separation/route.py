@@ -14,7 +14,7 @@ from muro_zenoh.safety.separation.planner import Planner, Segment
 
 _STANDS = 1.0
 """A robot that has stood for this time looks for a way round [s] ..."""
-_FOLLOWS = 8.0
+_FOLLOWS = 3.0
 """... and follows it for this time [s]."""
 _PLAN_PERIOD = 1.0
 _LOOK_AHEAD = 0.5
