@@ -71,7 +71,7 @@ def send_stop(bus: Bus, names: tuple[str, ...]) -> None:
         bus: the bus.
         names: which; none for all.
     """
-    with closing(bus.publisher(channels.STOP, keep=False)) as orders:
+    with closing(bus.publisher(channels.STOP)) as orders:
         orders.put(StopOrder(all=not names, names=names))
 
 
@@ -86,7 +86,7 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """
     with ExitStack() as stack:
         watch = stack.enter_context(closing(_Watch(bus, names)))
-        orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
+        orders = stack.enter_context(closing(bus.publisher(channels.STOP)))
         watch.order(orders)
         asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
         stack.callback(asking.cancel)

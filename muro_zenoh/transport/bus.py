@@ -95,15 +95,12 @@ class Bus:
 
     # ---- channels
 
-    def publisher(self, channel: Channel[T], name: str = "", *, keep: bool = True) -> Publisher[T]:
+    def publisher(self, channel: Channel[T], name: str = "") -> Publisher[T]:
         """A writer on a channel.
 
         Args:
             channel: which.
             name: the robot's (camera's, process's) name, where the channel has names.
-            keep: whether late joiners get its last value, on a channel that is kept. Not for a writer that is gone in a
-                moment: readers ask it for that value, and wait ten seconds for the answer of one that is not there any
-                more, with all that came on this key in the meantime.
 
         Raises:
             ConfigError: no role of this process writes the channel; or the name is invalid, missing or superfluous.
@@ -114,7 +111,7 @@ class Bus:
             raise ConfigError(f"channel {channel.word}", got="the name '*' to publish on", expected="one name")
         key = key_of(self.realm, channel, name)
         link = self._link.publisher(
-            key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=keep and channel.delivery == "kept"
+            key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=channel.delivery == "kept"
         )
         readers = self._readers.setdefault(key, [])
         if key not in self._numbers:

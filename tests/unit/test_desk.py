@@ -113,8 +113,7 @@ async def test_a_thousand_double_presses_at_random_moments_do_no_harm(there: Lab
     await asyncio.sleep(4.0)
     assert stopped(agents) == {"r1", "r2", "r3"}
     assert store.stop.all
-    # One for each order; and a stop that follows a resume at once is adopted, where an agent has it first.
-    assert store.stop.revision <= first + 2002 + 2 * resumes + 3
+    assert store.stop.revision <= first + 2002 + resumes + 3  # one for each order, and what was adopted
     assert operator.shown[-1].splitlines()[-1] == "3 of 3 robots stopped"
     assert len(there.operator._open) == declared
     await operator.press("ry", 1.0)
