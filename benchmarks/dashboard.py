@@ -169,7 +169,7 @@ async def stop_latencies(url: str, token: str, endpoint: str) -> list[float]:
     ):
         stops = bus.every(channels.STOP)
         reading = asyncio.create_task(_read(socket))
-        await asyncio.sleep(1.0)
+        await stops.next()  # until what was kept before has come, new values wait for it
         for number in range(STOPS):
             stops.drain()
             asked = time.perf_counter()
