@@ -111,7 +111,7 @@ class Visit:
 
     async def notice(self, words: str, limit: float = 10.0) -> str:
         """Wait for the notice of an order that has these words; returns all of it."""
-        notice = self.page.locator("#notices li", has_text=words).first
+        notice = self.page.locator("#notices .notice", has_text=words).first
         await notice.wait_for(timeout=1000 * seconds(limit))
         return " ".join(await notice.locator("strong, span").all_inner_texts())
 
