@@ -13,6 +13,8 @@ page's processor time in percent of one core, ``above`` what that is above no cl
 
 ``beside``: how late a timer of 5 ms is in a process that also serves the page in a thread, in one that leaves it to
 another process, and in one that has no page; ten clients and the most robots.
+
+``draw``: how long a browser takes to draw a hundred robots [ms], where there is one: benchmarks/page.py.
 """
 
 from __future__ import annotations
@@ -37,11 +39,13 @@ import psutil
 from websockets.asyncio.client import connect
 
 from basestation.dashboard.access import tokens_in
+from benchmarks.page import measure as measure_in_browser
 from benchmarks.scale import machine
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.transport import open_bus
+from tests.support.browser import browser_missing
 
 SETTLED = 3.0
 """Time before each measurement [s]."""
@@ -299,6 +303,17 @@ def beside_rows(robots: int, lasts: float, folder: Path) -> list[dict[str, Any]]
     return rows
 
 
+def draw_rows() -> list[dict[str, Any]]:
+    """How long a browser draws."""
+    if missing := browser_missing():
+        print(missing)
+        return []
+    rows = asyncio.run(measure_in_browser("draw", presses=0))
+    for row in rows:
+        print("  ".join(f"{key} {value}" for key, value in row.items()))
+    return rows
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, nargs="+", default=[10, 100], help="sizes of the played fleets")
@@ -318,6 +333,7 @@ def main() -> None:
             "stops": [row for one in played for row in one["stops"]],
             "run": run_rows(given.clients, given.seconds, folder),
             "beside": beside_rows(max(given.robots), given.seconds, folder),
+            "draws": draw_rows(),
         }
     if given.json:
         given.json.write_text(json.dumps(found, indent=2) + "\n")
