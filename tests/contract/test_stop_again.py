@@ -15,8 +15,8 @@ from tests.support.waiting import within
 
 
 async def test_every_press_arrives() -> None:
-    """Each is sent by a writer that is gone in a moment, and readers ask every new writer of a kept channel for its last
-    value: none of them waits for the answer of one that is not there any more."""
+    """Each is sent by a writer that is gone in a moment, and readers ask every new writer of a kept channel for its
+    last value: none of them waits for the answer of one that is not there any more."""
     rng = random.Random(3)
     with router() as there:
         async with (
