@@ -17,7 +17,7 @@ from playwright.async_api import Browser
 from tests.support.browser import PagedRun, Visit, visit
 from tests.support.waiting import seconds
 
-pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
 
 AXE = Path(__file__).parents[2] / "node_modules" / "axe-core" / "axe.min.js"
 

@@ -13,7 +13,7 @@ from playwright.async_api import Browser
 from tests.support.browser import PagedRun, Visit, visit
 from tests.support.waiting import seconds
 
-pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
 
 STOPPED_WITHIN = 0.5
 """From the press of the button to wheels at rest [s]."""

@@ -49,7 +49,7 @@ export class RobotCard {
       const another = kind.split(" ")[0] !== this.#made.split(" ")[0];
       this.#made = kind;
       this.#make(robot);
-      if (another || driven) this.card.scrollIntoView({ block: "nearest" });
+      if (another || driven) (this.#hand?.element ?? this.card).scrollIntoView({ block: "nearest" });
     }
     if (robot === undefined) return;
     const { details } = robot;
