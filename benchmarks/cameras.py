@@ -169,7 +169,7 @@ async def measure(sent: str, robots: int, seconds: float, folder: Path) -> Row:
     scenario, heard = find_scenario(str(file)), Heard()
     with router() as there:
         before = read_usage(there.process.pid)
-        command = ["-P", "-m", "muro_zenoh", "run", str(file), "--headless", "--seed", str(SEED)]
+        command = ["-P", "-m", "muro_zenoh", "run", str(file), "--headless", "--no-web", "--seed", str(SEED)]
         command += ["--duration", str(seconds), "--report", str(report), "--connect", there.endpoint]
         async with open_bus(there.settings(), *ALL_ROLES) as bus:
             listening = asyncio.create_task(listen(bus, heard))

@@ -116,7 +116,7 @@ def measure(robots: int, seconds: float, folder: Path) -> Row:
     scenario, report = folder / "scale.toml", folder / f"{robots}.json"
     scenario.write_text(SCENARIO)
     command = [sys.executable, "-P", "-m", "muro_zenoh", "run", str(scenario), "--robots", str(robots)]
-    command += ["--duration", str(seconds), "--seed", str(SEED), "--headless", "--report", str(report)]
+    command += ["--duration", str(seconds), "--seed", str(SEED), "--headless", "--no-web", "--report", str(report)]
     run = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     said, pss = "", 0.0
     try:

@@ -121,7 +121,18 @@ def measure(cases: Sequence[Case], folder: Path) -> list[Time]:
     """
     file, report = folder / "stopping.toml", folder / "report.json"
     file.write_text(scenario(cases))
-    command = [sys.executable, "-P", "-m", "muro_zenoh", "run", str(file), "--headless", "--report", str(report)]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "muro_zenoh",
+        "run",
+        str(file),
+        "--headless",
+        "--no-web",
+        "--report",
+        str(report),
+    ]
     run = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, env={**os.environ, "MURO_LOG": "debug"}, check=False
     )

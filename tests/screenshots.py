@@ -40,7 +40,7 @@ async def dark(browser: Browser, folder: Path) -> None:
     async with paged_run(folder, "importance", robots=5) as run, visit(browser, run.url, **scheme) as opened:
         await opened.sees(run.robots)
         await opened.page.locator("#tab-plots").click()
-        await asyncio.sleep(70.0)
+        await asyncio.sleep(60.0)
         await shoot(opened, "page_dark")
 
 

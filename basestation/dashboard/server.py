@@ -30,6 +30,8 @@ _MOST_CLIENTS: Final = 64
 _PING_PERIOD: Final = 5.0
 """A client that is gone without a word is noticed within twice this time [s]."""
 
+_LEAVE_TIMEOUT: Final = 1.0
+
 _HEADERS: Final = (
     # What the page runs is its own; it connects to nobody else, and no other page may frame it.
     (
@@ -199,7 +201,7 @@ async def _leave(server: uvicorn.Server) -> None:
     for connection in list(server.server_state.connections):
         connection.shutdown()
     tasks = set(server.server_state.tasks)
-    for task in tasks:
-        task.cancel()
-    if tasks:
-        await asyncio.wait(tasks)
+    if tasks:  # each ends by itself once its connection is closed
+        _, left = await asyncio.wait(tasks, timeout=_LEAVE_TIMEOUT)
+        for task in left:
+            task.cancel()

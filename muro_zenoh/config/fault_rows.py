@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -84,5 +83,4 @@ def fault_of(order: Break, scenario: Scenario, at: float = 0.0) -> Fault:
     row = {**order.numbers, "kind": order.fault, "target": order.target, "at": at}
     if order.duration is not None:
         row["duration"] = order.duration
-    (fault,) = read_faults([row], math.inf, Origin(""), scenario.robots, tuple(scenario.camera))
-    return fault
+    return _read(row, Origin(""), "fault", scenario.robots, tuple(scenario.camera))

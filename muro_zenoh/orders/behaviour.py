@@ -13,7 +13,7 @@ from muro_zenoh.messages import Reply, SetBehaviour
 from muro_zenoh.transport import Bus
 
 _REFUSAL_TIMEOUT: Final = 1.5
-"""A robot that cannot run a behaviour has reported so by then [s]."""
+"""A robot that cannot run a behaviour has reported so by then [s]; when all have obeyed, that is known sooner."""
 
 
 class BehaviourResult(NamedTuple):
@@ -38,17 +38,26 @@ async def set_behaviour(bus: Bus, order: SetBehaviour) -> BehaviourResult:
     Raises:
         NoReply: the base station did not answer in time.
     """
-    with closing(bus.every(channels.HEALTH, "*", depth=256)) as reports:  # before the order, so that none is missed
+    # Both before the order, so that no report is missed.
+    with closing(bus.every(channels.HEALTH, "*", depth=256)) as reports, closing(bus.roster()) as roster:
         reply = await bus.ask(channels.SET_BEHAVIOUR, order)
         refusals: dict[str, str] = {}
         if not reply.accepted:
             return BehaviourResult(reply, refusals)
-        failed = f"behaviour {order.behaviour}:"
+        failed, obeyed = f"behaviour {order.behaviour}:", set[str]()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_REFUSAL_TIMEOUT):
                 async for report in reports:
                     health = report.message
                     # An older report, which is kept, may be about the failure of an earlier order.
-                    if health.behaviour_revision >= reply.revision and health.failure.startswith(failed):
+                    if health.role != "agent" or health.behaviour_revision < reply.revision:
+                        continue
+                    obeyed.add(report.name)
+                    if health.failure.startswith(failed):
                         refusals.setdefault(report.name, health.failure)
+                    alive = roster.of("agent")
+                    addressed = alive.intersection(order.names) if order.names else alive
+                    # A built-in one is refused at once; a user's own may fail in a moment.
+                    if ":" not in order.behaviour and addressed and addressed <= obeyed:
+                        break
         return BehaviourResult(reply, refusals)

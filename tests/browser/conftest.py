@@ -11,7 +11,7 @@ from playwright.async_api import Browser
 from tests.support.browser import PagedRun, Visit, browser_missing, chromium, paged_run, visit
 
 
-@pytest_asyncio.fixture(scope="session", loop_scope="session")
+@pytest_asyncio.fixture(scope="package", loop_scope="package")
 async def browser() -> AsyncIterator[Browser]:
     """Debian's chromium."""
     if missing := browser_missing():
@@ -20,14 +20,14 @@ async def browser() -> AsyncIterator[Browser]:
         yield opened
 
 
-@pytest_asyncio.fixture(scope="session", loop_scope="session")
+@pytest_asyncio.fixture(scope="package", loop_scope="package")
 async def run(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> AsyncIterator[PagedRun]:
     """``muro run pursuit`` with three robots. Pulled in by the browser: without one there is nothing to start."""
     async with paged_run(tmp_path_factory.mktemp("run"), "pursuit", robots=3) as started:
         yield started
 
 
-@pytest_asyncio.fixture(loop_scope="session")
+@pytest_asyncio.fixture(loop_scope="package")
 async def operator(browser: Browser, run: PagedRun) -> AsyncIterator[Visit]:
     """The page of somebody who may steer, with every robot in it."""
     async with visit(browser, run.url) as opened:

@@ -15,7 +15,7 @@ from tests.support.process import Process
 from tests.support.router import free_port, router
 from tests.support.waiting import seconds
 
-pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
 
 ROBOTS = ["r1", "r2"]
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from pathlib import Path
 from typing import Any
 
 import cv2
+import msgpack
 import numpy as np
 import pytest
 from playwright.async_api import Browser
@@ -15,7 +17,7 @@ from playwright.async_api import Browser
 from tests.support.browser import PagedRun, Visit, visit
 from tests.support.waiting import seconds
 
-pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
 
 AXE = Path(__file__).parents[2] / "node_modules" / "axe-core" / "axe.min.js"
 
@@ -82,6 +84,55 @@ async def test_what_is_painted_is_where_the_hook_says(operator: Visit, run: Page
     await resume(operator)
 
 
+async def test_pictures_of_the_cameras_lie_where_the_robots_are(browser: Browser, run: PagedRun) -> None:
+    """Within three pixels, with the robots at rest: the tags in the pictures against the poses that are drawn."""
+    pictures: dict[str, dict[str, Any]] = {}
+
+    def received(payload: bytes | str) -> None:
+        message = msgpack.unpackb(payload) if isinstance(payload, bytes) else {}
+        if message.get("kind") == "picture":
+            pictures[message["camera"]] = message
+
+    async with visit(browser, "about:blank") as opened:
+        opened.page.on("websocket", lambda socket: socket.on("framereceived", received))
+        await opened.page.goto(run.url)
+        await opened.sees(run.robots)
+        await opened.page.locator("#stop").click()
+        await run.time_until(lambda: not run.moving(), 5.0, "every robot stands")
+        await opened.page.locator("#pictures").click()
+        await asyncio.sleep(0.3)
+        pictures.clear()
+        await run.time_until(lambda: len(pictures) == 2, 5.0, "a picture of both cameras")
+        rows = (await opened.muro("state"))["robots"]
+        scale = (await opened.muro("screenAt(1, 0)"))[0] - (await opened.muro("screenAt(0, 0)"))[0]
+        found = [place for picture in pictures.values() for place in _tags(picture)]
+        assert len({tag for tag, _ in found}) >= 2, "not all are whole in a picture"
+        for tag, (x, y) in found:
+            off = min(math.dist((x, y), _mounted(*row[:3])) for row in rows.values())
+            assert off * scale < 3.0, (tag, x, y)
+        await resume(opened)
+
+
+def _tags(picture: dict[str, Any]) -> list[tuple[int, tuple[float, float]]]:
+    """The middles of the tags in a picture [m, world]."""
+    image = cv2.imdecode(np.frombuffer(picture["jpeg"], np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert image is not None
+    left, bottom, right, top = picture["area"]
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    corners, ids, _ = detector.detectMarkers(image)
+    height, width = image.shape
+    places = []
+    for tag, quad in zip([] if ids is None else ids.ravel(), corners, strict=True):
+        u, v = quad.reshape(4, 2).mean(axis=0) + 0.5
+        places.append((int(tag), (left + u / width * (right - left), top - v / height * (top - bottom))))
+    return places
+
+
+def _mounted(x: float, y: float, theta: float) -> tuple[float, float]:
+    """Where the tag of a robot is: the scenario's ``tag_x`` and ``tag_y``."""
+    return x - 0.03 * math.cos(theta) - 0.02 * math.sin(theta), y - 0.03 * math.sin(theta) + 0.02 * math.cos(theta)
+
+
 async def test_on_a_phone_nothing_overflows(browser: Browser, run: PagedRun) -> None:
     async with visit(browser, run.url, **PHONE) as opened:
         await opened.sees(run.robots)
@@ -106,6 +157,9 @@ async def test_axe_finds_nothing_serious(browser: Browser, run: PagedRun, scheme
         await opened.sees(run.robots)
         await opened.page.evaluate(AXE.read_text())  # not as a script of the page, whose policy allows its own only
         await opened.page.locator("#robots button").first.click()
+        await opened.page.keyboard.press("Escape")  # so that there are a receipt, a notice and a way to resume
+        await opened.page.locator("#card button", has_text="Stop r1").click()
+        await opened.notice("Stop r1")
         for tab in TABS:
             await opened.page.locator(f"#tab-{tab}").click()
             await opened.page.wait_for_timeout(300)
@@ -116,6 +170,7 @@ async def test_axe_finds_nothing_serious(browser: Browser, run: PagedRun, scheme
                 if violation["impact"] in ("serious", "critical")
             ]
             assert serious == [], tab
+        await resume(opened)
 
 
 async def test_everything_can_be_reached_by_the_keyboard(operator: Visit) -> None:

@@ -13,7 +13,7 @@ from playwright.async_api import Browser
 from tests.support.browser import PagedRun, Visit, visit
 from tests.support.waiting import seconds
 
-pytestmark = [pytest.mark.asyncio(loop_scope="session"), pytest.mark.slow]
+pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
 
 STOPPED_WITHIN = 0.5
 """From the press of the button to wheels at rest [s]."""
@@ -36,7 +36,7 @@ async def test_a_click_on_the_floor_drives_a_robot_there(operator: Visit, run: P
     assert "refused" in words
     assert "takes no goals" in words
     await page.locator("#notices button", has_text="Run dubins on r1").click()
-    await page.locator("#notices li.taken", has_text="r1 to").wait_for()
+    await page.locator("#notices .taken", has_text="r1 to").wait_for()
     away = lambda: math.hypot(run.truth("r1").x - x, run.truth("r1").y - y)  # noqa: E731
     await run.time_until(lambda: away() < 0.1, 30.0, "r1 at its goal")
     # A drag says the heading.
@@ -56,7 +56,7 @@ async def test_behaviours_and_the_circle_are_changed_live(operator: Visit, run: 
     field = page.locator("#panel-behaviour .fields input[name=speed]")
     await field.fill("0.1")
     await field.press("Tab")  # running already: it applies at once
-    await page.locator("#notices li.taken", has_text="All robots: circle").nth(1).wait_for()
+    await page.locator("#notices .taken", has_text="All robots: circle").nth(1).wait_for()
     await operator.until(
         "() => Object.values(window.muro.state.robots).every(row => Math.abs(row[3] - 0.1) < 0.04)", 15
     )
@@ -170,9 +170,12 @@ async def test_a_hand_drives_a_robot_and_the_stop_is_above_it(operator: Visit, r
     await run.time_until(lambda: not run.moving(), STOPPED_WITHIN, "all stand, with the stick still held")
     await asyncio.sleep(0.3)
     assert not run.moving()
-    await page.mouse.up()
     await page.locator("#receipt.good").wait_for()
     await resume(operator)
+    await run.time_until(lambda: "r1" in run.moving(), 10.0, "the others drive again")
+    await asyncio.sleep(0.3)
+    assert "r3" not in run.moving(), "it was let go by the stop: the hand must come anew"
+    await page.mouse.up()
     await start(operator, "r3", "pursuit")
 
 

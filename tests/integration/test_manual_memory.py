@@ -12,7 +12,8 @@ from basestation.dashboard.hands import Hands
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.errors import OrderRefused
-from muro_zenoh.messages import DriveWish
+from muro_zenoh.messages import DriveWish, SetBehaviour
+from muro_zenoh.orders.behaviour import set_behaviour
 from muro_zenoh.orders.lease import holding
 from muro_zenoh.orders.stop import stop_robots
 from muro_zenoh.runtime.virtual_time import run_virtually
@@ -172,5 +173,19 @@ def test_other_behaviours_do_not_listen_to_a_stick() -> None:
             await fleet.until(lambda: fleet.holds("r1", "the behaviour is hold"), 5.0, "it holds")
             await drive(Hands(fleet.open_bus(Role.OPERATOR)), 1.0)
             assert fleet.commanded("r1") == (0.0, 0.0)
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize(("robots", "names"), [(3, ()), (3, ("r2",))])
+def test_a_change_of_behaviour_is_answered_as_soon_as_the_robots_obey(robots: int, names: tuple[str, ...]) -> None:
+    async def main() -> None:
+        async with memory_fleet(scenario(robots, "manual")) as fleet, fleet.open_bus(Role.OPERATOR) as bus:
+            await fleet.until(lambda: all(fleet.holds(f"r{k + 1}", "nobody") for k in range(robots)), 5.0, "they wait")
+            begin = asyncio.get_running_loop().time()
+            result = await set_behaviour(bus, SetBehaviour(behaviour="circle", names=names))
+            assert result.reply.accepted
+            assert not result.refusals
+            assert asyncio.get_running_loop().time() - begin < 0.5
 
     run_virtually(main())

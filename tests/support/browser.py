@@ -111,7 +111,7 @@ class Visit:
 
     async def notice(self, words: str, limit: float = 10.0) -> str:
         """Wait for the notice of an order that has these words; returns all of it."""
-        notice = self.page.locator("#notices li", has_text=words).first
+        notice = self.page.locator("#notices .notice", has_text=words).first
         await notice.wait_for(timeout=1000 * seconds(limit))
         return " ".join(await notice.locator("strong, span").all_inner_texts())
 
@@ -153,6 +153,8 @@ class PagedRun:
         self.viewer_url = viewer_url
         self.bus = bus
         self._truth = bus.latest(channels.TRUTH, "*")
+        self._truths = bus.every(channels.TRUTH, "*", depth=1024)
+        self._resting: dict[str, float] = {}
         self._snapshots = bus.every(channels.ALL_POSITIONS, depth=256)
         self._seen: deque[FleetSnapshot] = deque(maxlen=256)
 
@@ -170,12 +172,18 @@ class PagedRun:
 
     def moving(self) -> list[str]:
         """The robots whose wheels turn now, by the truth."""
-        found = []
-        for name in self.robots:
-            truth = self.truth(name)
+        for received in self._truths.drain():
+            truth = received.message
             if abs(truth.v) > _REST[0] or abs(truth.omega) > _REST[1]:
-                found.append(name)
-        return found
+                self._resting.pop(received.name, None)
+            else:
+                self._resting.setdefault(received.name, truth.stamp)
+        return [name for name in self.robots if name not in self._resting]
+
+    @property
+    def at_rest_since(self) -> float:
+        """When the last of all robots came to rest, as of :meth:`moving` [s since 1970]."""
+        return max(self._resting.values())
 
     async def time_until(self, condition: Callable[[], bool], limit: float, what: str) -> float:
         """Wait until a condition holds; returns after which time it did [s]. Fails after ``limit`` (scaled) [s]."""

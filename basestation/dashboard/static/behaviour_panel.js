@@ -65,8 +65,11 @@ export class BehaviourPanel {
       this.#start.disabled = !maySteer;
     }
     if (this.#shown === "" && this.#running() !== "") this.#showRunning();
+    if (this.#isRunning() && this.#values() !== this.#shownValues && !this.form.contains(document.activeElement)) {
+      this.#show(); // somebody else has changed them
+    }
     const running = this.#isRunning();
-    const { shown } = { shown: this.#what.value };
+    const shown = this.#what.value;
     const parameters = Object.keys(hello.behaviours[shown]?.parameters ?? {}).length > 0;
     say(
       this.#state,
@@ -81,6 +84,18 @@ export class BehaviourPanel {
     say(this.#start, running ? "Start anew" : `Start ${shown}`);
     this.#start.className = running ? "quiet" : "main";
   }
+
+  /** A robot that has the behaviour that is shown. */
+  #like() {
+    return this.#robots().find(({ details }) => details.behaviour === this.#what.value);
+  }
+
+  /** The parameters that are in force, in a text that changes with them. */
+  #values() {
+    return JSON.stringify(this.#like()?.details.parameters ?? {});
+  }
+
+  #shownValues = "";
 
   /** What was running when the form was last filled. */
   #shown = "";
@@ -98,8 +113,8 @@ export class BehaviourPanel {
     const facts = this.fleet.hello?.behaviours[this.#what.value];
     if (facts === undefined) return;
     say(this.#summary, facts.summary);
-    const robot = this.#robots().find(({ details }) => details.behaviour === this.#what.value);
-    this.#form.show(facts.parameters, robot?.details.parameters ?? {});
+    this.#shownValues = this.#values();
+    this.#form.show(facts.parameters, this.#like()?.details.parameters ?? {});
     for (const field of this.form.querySelectorAll(".fields input, .fields select")) {
       if (field instanceof HTMLInputElement || field instanceof HTMLSelectElement)
         field.disabled = !this.fleet.maySteer;

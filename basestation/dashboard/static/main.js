@@ -138,6 +138,7 @@ function start() {
     );
     say(at("hint"), hint());
     arena.canvas.classList.toggle("aiming", maySetGoal());
+    document.body.dataset.driving = driving.name;
   }
 
   /** What a click on the floor would do. */

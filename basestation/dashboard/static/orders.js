@@ -48,7 +48,7 @@ export class Orders {
    */
   notice(words, { outcome, reason }, remedy) {
     const text = `${words}: ${OUTCOMES[outcome]}`;
-    const notice = element("li", { className: `notice ${outcome}` }, element("strong", {}, text));
+    const notice = element("div", { className: `notice ${outcome}` }, element("strong", {}, text));
     if (reason) notice.append(element("span", {}, reason));
     if (remedy !== undefined) {
       const { label, does } = remedy;

@@ -22,9 +22,10 @@ const ARC_STEP = 0.1;
  * @param {string} selected
  */
 export function drawPlans(context, view, palette, robots, selected) {
-  for (const { name, details } of robots) {
+  for (const { name, details, condition } of robots) {
     const mine = name === selected;
     if (details.cell) drawCell(context, view, palette, details.cell, mine);
+    if (condition === "holding" && !mine) continue; // it has arrived, or waits: its path is of the past
     if (details.path) drawPath(context, view, palette, details.path, mine);
     if (details.goal) drawGoal(context, view, palette, details.goal, mine);
   }

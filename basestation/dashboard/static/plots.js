@@ -88,7 +88,12 @@ export class Plots {
     }
     CHARTS.forEach(({ quantities }, index) => {
       const lines = this.#chosen.flatMap((name) => quantities.map((quantity) => this.history.of(name, quantity)));
-      this.#plots[index]?.setData([this.history.times, ...lines]);
+      const plot = this.#plots[index];
+      const figure = /** @type {HTMLElement | null | undefined} */ (plot?.root.parentElement);
+      if (plot === undefined || !figure) return;
+      // A quantity that nobody has now, such as spacing without a circle, takes no room.
+      figure.hidden = lines.every((line) => line.every((value) => value === null));
+      if (!figure.hidden) plot.setData([this.history.times, ...lines]);
     });
   }
 

@@ -17,6 +17,8 @@ export class RobotCard {
   #figures = {};
   /** @type {HandPanel | null} */
   #hand = null;
+  /** @type {HTMLElement | null} */
+  #follow = null;
 
   /**
    * @param {HTMLElement} card
@@ -47,10 +49,11 @@ export class RobotCard {
       const another = kind.split(" ")[0] !== this.#made.split(" ")[0];
       this.#made = kind;
       this.#make(robot);
-      if (another || driven) this.card.scrollIntoView({ block: "nearest" });
+      if (another || driven) (this.#hand?.element ?? this.card).scrollIntoView({ block: "nearest" });
     }
     if (robot === undefined) return;
     const { details } = robot;
+    if (this.#follow !== null) this.#follow.ariaPressed = String(this.arena.view.followed === robot.name);
     const [cal0, calD] = details.cal ?? [null, null];
     const degrees = (robot.theta * 180) / Math.PI;
     const wheels = Array.isArray(details.wheels) ? details.wheels.join(", ") : (details.wheels ?? "");
@@ -99,12 +102,7 @@ export class RobotCard {
    * @param {Record<string, unknown>} order
    */
   async #switchAndGo(name, words, order) {
-    const reply = await this.#behave(name, TO_GOALS);
-    if (reply.outcome !== "taken") return;
-    // The agent takes a new behaviour when it hears of it, not when it was ordered.
-    const changed = () => this.fleet.robots.get(name)?.details.behaviour === TO_GOALS;
-    for (let wait = 0; wait < 30 && !changed(); wait++) await new Promise((resolve) => setTimeout(resolve, 100));
-    void this.orders.give(words, order);
+    if (await this.#runs(name, TO_GOALS)) void this.orders.give(words, order);
   }
 
   /** @param {Robot} robot */
@@ -113,11 +111,21 @@ export class RobotCard {
   }
 
   /**
+   * Have a robot run a behaviour, and wait until it does: it takes a new one when it hears of it, not when it is ordered.
+   *
    * @param {string} name
    * @param {string} behaviour
+   * @returns {Promise<boolean>} whether it does.
    */
-  #behave(name, behaviour) {
-    return this.orders.give(`${name}: ${behaviour}`, { order: "behaviour", behaviour, parameters: {}, names: [name] });
+  async #runs(name, behaviour) {
+    const does = () => this.fleet.robots.get(name)?.details.behaviour === behaviour;
+    if (does()) return true;
+    const order = { order: "behaviour", behaviour, parameters: {}, names: [name] };
+    const { outcome } = await this.orders.give(`${name}: ${behaviour}`, order);
+    for (let wait = 0; outcome === "taken" && wait < 30 && !does(); wait++) {
+      await new Promise((resolve) => setTimeout(resolve, 100));
+    }
+    return does();
   }
 
   /**
@@ -136,6 +144,8 @@ export class RobotCard {
   /** @param {Robot | undefined} robot */
   #make(robot) {
     this.card.hidden = robot === undefined;
+    // The stick that a hand may hold is about to go: without it nothing would say when the hand is taken off.
+    if (this.#hand !== null) this.driving.letGo();
     this.#figures = {};
     const driven = robot !== undefined && this.driving.name === robot.name;
     this.#hand = driven ? new HandPanel(this.driving) : null;
@@ -197,12 +207,11 @@ export class RobotCard {
         button(`Resume ${name}`, () => void orders.give(`Resume ${name}`, { order: "resume", names: [name] })),
       );
     }
-    row.append(
-      button("Follow", () => {
-        arena.view.followed = arena.view.followed === name ? "" : name;
-        arena.redraw();
-      }),
-    );
+    this.#follow = button("Follow", () => {
+      arena.view.followed = arena.view.followed === name ? "" : name;
+      arena.redraw();
+    });
+    row.append(this.#follow);
     if (!fleet.maySteer) return row;
     if (condition === "lost") {
       row.append(button("It was taken away", () => void orders.give(`Forget ${name}`, { order: "clear", name })));
@@ -215,12 +224,8 @@ export class RobotCard {
   /** @param {string} name  empty to let go. */
   async #takeByHand(name) {
     this.driving.take("");
-    if (name && this.fleet.robots.get(name)?.details.behaviour !== MANUAL) {
-      const reply = await this.#behave(name, MANUAL);
-      if (reply.outcome !== "taken") return;
-      const changed = () => this.fleet.robots.get(name)?.details.behaviour === MANUAL;
-      for (let wait = 0; wait < 30 && !changed(); wait++) await new Promise((resolve) => setTimeout(resolve, 100));
-    }
+    if (name && !(await this.#runs(name, MANUAL))) return;
+    if (name && this.arena.selected !== name) return; // another one was chosen meanwhile
     this.driving.take(name);
     this.update();
   }
