@@ -179,14 +179,17 @@ async def film(bus: Bus, scenario: Scenario, name: str, seed: int, executor: Exe
     """
     floor = DistantFloor(bus, scenario.robots)
     camera = make_camera(bus, scenario, name, floor, seed, executor)
-    health = bus.publisher(channels.HEALTH, name)
+    health, clock = bus.publisher(channels.HEALTH, name), StationClock(bus, scenario.clocks)
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(camera.run(), name=f"camera {name}")
+        tasks.create_task(clock.run(), name="clock")
         while True:
             reasons = () if floor.look() is not None else ("nothing to be seen: no truth of every robot arrives",)
             state = "waiting" if reasons else "filming"
-            numbers = {"frames": float(camera.captured), **bus.numbers()}
-            health.put(Health(role=Role.CAMERA, state=state, reasons=reasons, numbers=numbers))
+            numbers = {"frames": float(camera.captured), **clock.numbers(), **bus.numbers()}
+            health.put(
+                Health(role=Role.CAMERA, state=state, reasons=reasons, complaints=clock.complaints(), numbers=numbers)
+            )
             await asyncio.sleep(channels.HEALTH.period)
 
 

@@ -13,12 +13,13 @@ import numpy as np
 from basestation.sources.source import FrameSource, Picture
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
-from muro_zenoh.config import Scenario
+from muro_zenoh.config import ClockSettings, Scenario
 from muro_zenoh.errors import CameraError
 from muro_zenoh.messages import Frame, Health
 from muro_zenoh.optics.jpeg import encode_jpeg
 from muro_zenoh.runtime.process import ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
+from muro_zenoh.transport.measured_clock import StationClock
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +44,7 @@ class Filming:
         quality: of the JPEG, 1 to 100; 0 for raw grey frames.
         open_source: opens the source; it and the source are called in the executor.
         executor: with one thread.
+        clocks: above which differences from the base station's clock there is a complaint.
 
     Attributes:
         published: number of pictures published.
@@ -56,6 +58,7 @@ class Filming:
         quality: int,
         open_source: Callable[[], FrameSource],
         executor: Executor,
+        clocks: ClockSettings,
     ) -> None:
         self.published = 0
         self._bus = bus
@@ -66,6 +69,7 @@ class Filming:
         self._executor = executor
         self._frames = bus.publisher(channels.CAMERA, name)
         self._health = bus.publisher(channels.HEALTH, name)
+        self._clock = StationClock(bus, clocks)
         self._last: Picture | None = None
         self._trouble = ""
         self._good_at = bus.clock.now()
@@ -73,9 +77,13 @@ class Filming:
     async def run(self) -> None:
         """Film until a recording ends, or is damaged; a camera is tried again and again."""
         async with asyncio.TaskGroup() as tasks:
-            reporting = tasks.create_task(self._report(), name="health")
+            others = [
+                tasks.create_task(self._report(), name="health"),
+                tasks.create_task(self._clock.run(), name="clock"),
+            ]
             await self._film()
-            reporting.cancel()
+            for task in others:
+                task.cancel()
 
     async def _film(self) -> None:
         loop = asyncio.get_running_loop()
@@ -146,8 +154,11 @@ class Filming:
             if reasons != said or now >= due:
                 said, due = reasons, now + channels.HEALTH.period
                 state = "waiting" if reasons else "filming"
-                numbers = {"frames": float(self.published), **self._bus.numbers()}
-                self._health.put(Health(role=Role.CAMERA, state=state, reasons=reasons, numbers=numbers))
+                numbers = {"frames": float(self.published), **self._clock.numbers(), **self._bus.numbers()}
+                complaints = self._clock.complaints()
+                self._health.put(
+                    Health(role=Role.CAMERA, state=state, reasons=reasons, complaints=complaints, numbers=numbers)
+                )
             await asyncio.sleep(_LOOK)
 
 
@@ -164,9 +175,10 @@ async def run_camera(scenario: Scenario, name: str, open_source: Callable[[], Fr
         NotConnected: no router answered.
     """
     settings = scenario.camera[name]
+    size = settings.width, settings.height
     with worker_threads(1, "camera") as threads:
         async with open_bus(scenario.bus, Role.CAMERA) as bus:
-            filming = Filming(bus, name, (settings.width, settings.height), quality, open_source, threads)
+            filming = Filming(bus, name, size, quality, open_source, threads, scenario.clocks)
             bus.announce(Role.CAMERA, name)
             ready("camera", name)
             await filming.run()

@@ -22,6 +22,13 @@ DISTANCE: Final = 0.12
 TURN: Final = 0.5
 """The same of its heading [rad]."""
 
+_DISTANCE_STILL: Final = 0.05
+_TURN_STILL: Final = 0.2
+"""The same of a robot that says that it stands [m], [rad]: nobody carries one so slowly that it is not noticed."""
+
+_SHARE: Final = 0.7
+"""One that drives may be off by this part of its way more, up to the limits above."""
+
 _GAP: Final = 0.15
 """Estimates further apart than this say nothing of what was between them [s]."""
 
@@ -92,16 +99,20 @@ class Doubts:
         path = _path(seen.speeds, start, begin, end)
         if path is None:
             return ""
-        off = math.hypot(pose.x - path.x, pose.y - path.y)
-        if off > DISTANCE or abs(wrap_to_pi(pose.theta - path.theta)) > TURN:
+        there, driven, turned = path
+        off, askew = math.hypot(pose.x - there.x, pose.y - there.y), abs(wrap_to_pi(pose.theta - there.theta))
+        if off > min(DISTANCE, _DISTANCE_STILL + _SHARE * driven) or askew > min(TURN, _TURN_STILL + _SHARE * turned):
             return f"{name} does not move as it says ({off:.2f} m off within {end - begin:.1f} s)"
         return ""
 
 
-def _path(speeds: deque[tuple[float, float, float]], start: Pose2, begin: float, end: float) -> Pose2 | None:
-    """Where a robot would be if it moved as it says; None when it has said nothing for a part of the time."""
+def _path(
+    speeds: deque[tuple[float, float, float]], start: Pose2, begin: float, end: float
+) -> tuple[Pose2, float, float] | None:
+    """Where a robot would be if it moved as it says, how far it drove [m] and turned [rad]; None when it has said
+    nothing for a part of the time."""
     x, y, theta = start
-    now = begin
+    now, driven, turned = begin, 0.0, 0.0
     if not speeds or speeds[0][0] > begin + _GAP or speeds[-1][0] < end - _GAP:
         return None
     nexts = iter(speeds)
@@ -115,5 +126,5 @@ def _path(speeds: deque[tuple[float, float, float]], start: Pose2, begin: float,
             continue
         middle = theta + 0.5 * omega * step
         x, y, theta = x + v * step * math.cos(middle), y + v * step * math.sin(middle), theta + omega * step
-        now += step
-    return Pose2(x, y, wrap_to_pi(theta))
+        now, driven, turned = now + step, driven + abs(v) * step, turned + abs(omega) * step
+    return Pose2(x, y, wrap_to_pi(theta)), driven, turned

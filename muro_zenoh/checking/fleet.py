@@ -26,6 +26,7 @@ from muro_zenoh.config import CameraSettings, Scenario
 from muro_zenoh.config.faults import Place
 from muro_zenoh.runtime.virtual_time import VirtualClock
 from muro_zenoh.transport import Bus, MemoryNetwork, draw_epoch, make_bus
+from muro_zenoh.transport.measured_clock import StationClock
 from muro_zenoh.transport.memory_link import Witness
 
 BASESTATION = "basestation"
@@ -200,7 +201,8 @@ class VirtualFleet:
             for name in names:
                 bus.announce(Role.BASE, name)
             limits = {name: self.scenario.robot[name].wheels for name in names}
-            return run_bases(bus, wheels, bus.clock, self.scenario.timeouts.command, limits)
+            bases = run_bases(bus, wheels, bus.clock, self.scenario.timeouts.command, limits)
+            return self._with_clock(bus, bases)
 
         process = self.add(process_name, put, (Role.BASE,), names, self.witnesses.of_bases(names))
 
@@ -210,9 +212,16 @@ class VirtualFleet:
 
         def put(bus: Bus) -> Coroutine[Any, Any, None]:
             robots = self.scenario.robots
-            return SightingCamera(bus, name, settings, self.world, self.view, robots, latency, rng).run()
+            camera = SightingCamera(bus, name, settings, self.world, self.view, robots, latency, rng)
+            return self._with_clock(bus, camera.run())
 
         self.add(f"camera/{name}", put, (Role.CAMERA,), (f"camera/{name}",))
+
+    async def _with_clock(self, bus: Bus, work: Coroutine[Any, Any, None]) -> None:
+        """A process's work, and its clock compared with the base station's."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(work, name="work")
+            tasks.create_task(StationClock(bus, self.scenario.clocks).run(), name="clock")
 
     def base_of(self, name: str) -> Process:
         """The process of a robot's base.

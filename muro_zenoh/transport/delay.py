@@ -15,7 +15,8 @@ _SPANS spans of time in a row, each with a message, and each counted at its late
 
 That takes the least time on the way for a part of the clocks' offset, so a way that is slow from the beginning would
 count as quick. Where the offset itself was measured (:mod:`muro_zenoh.transport.clock_offset`), a message is as late as
-the later of the two says.
+the later of the two says. Until then a process that takes another's place on a key is judged by that one's clock: a
+camera that was restarted on the same computer, on a link that has become slow by then, is late from its first picture.
 """
 
 from __future__ import annotations
@@ -36,6 +37,10 @@ _NEAR = 0.03
 has to cover the drift that could not be followed during a few late half minutes (3 ms each at 100 ppm), and what the
 quickest of 600 messages on Wi-Fi vary by, a few milliseconds. A path longer by less is taken in, and matters to nobody.
 """
+
+_UNMEASURED = 3.0
+"""A writer is judged by the clock of the one before it for this time [s]; a process that measures clocks has done so by
+then, and one that does not may have another clock."""
 
 _MOST_WRITERS = 4
 
@@ -60,13 +65,16 @@ class DelayTracker:
     Attributes:
         least: the least (arrival - stamp) of the writer heard last, its last message included [s]; infinite before
             the first one.
+        measured: (our clock - the writer's) as it was measured, or that of the writer before it [s]; else infinite.
         heard: when the last message came [s, our clock].
     """
 
-    __slots__ = ("_epoch", "_last", "_writers", "heard", "least")
+    __slots__ = ("_clock", "_epoch", "_last", "_writers", "heard", "least", "measured")
 
     def __init__(self) -> None:
         self.least = math.inf
+        self.measured = math.inf
+        self._clock = math.inf  # the last one that was measured
         self.heard = -math.inf
         self._epoch = -1
         self._last = _Window(0.0)
@@ -87,6 +95,11 @@ class DelayTracker:
         self.heard = arrival
         if epoch != self._epoch:
             self._change_writer(epoch, arrival)
+        if measured < math.inf:
+            self._clock = measured
+        elif arrival - self._last.first < _UNMEASURED:
+            measured = self._clock
+        self.measured = measured
         measure, offset = self._last.observe(stamp, arrival), arrival - stamp
         self.least = min(measure, offset)
         if measure - offset > LEAP:
@@ -123,10 +136,12 @@ class _Window:
         "_spans",
         "_went_back",
         "confirmed",
+        "first",
     )
 
     def __init__(self, began: float) -> None:
         self.confirmed = False
+        self.first = began
         self._began = began
         self._newer = math.inf
         self._older = math.inf

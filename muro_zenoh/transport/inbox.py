@@ -207,8 +207,8 @@ class Inbox(Declared, Generic[T]):
             if tracker is None:
                 self._make_room(arrival)
                 tracker = self._delays[key] = DelayTracker()
-            measured = self._clocks.offset(message.epoch, arrival)
-            delay = tracker.observe(message.epoch, message.stamp, arrival, measured)
+            clock = self._clocks.offset(message.epoch, arrival)
+            delay = tracker.observe(message.epoch, message.stamp, arrival, clock)
             if delay < 0.0:
                 if self._stale_after < math.inf:
                     raise MessageError(f"got a stamp {-delay:.3g} s ahead of its writer's clock, expected its time")
@@ -225,7 +225,7 @@ class Inbox(Declared, Generic[T]):
             counters.late += 1
         counters.delay = delay
         counters.arrival = arrival
-        return Received(key[self._prefix :], message, arrival, delay, tracker.least, measured)
+        return Received(key[self._prefix :], message, arrival, delay, tracker.least, tracker.measured)
 
     def _check_key(self, key: str) -> None:
         name = key[self._prefix :]

@@ -158,3 +158,22 @@ async def test_a_mailbox_adds_the_delay_that_all_messages_have_had() -> None:
     other = encode(SpeedReference(speed=0.1, stamp=now - 8.3, epoch=4))  # of a writer that was not measured
     box.inbox.file("muro/velocity/r2", other, encoding_of(SpeedReference))
     assert box.inbox.get("r2").delay == 0.0
+
+
+async def test_a_writer_that_takes_another_ones_place_is_judged_by_its_clock_until_its_own_is_known() -> None:
+    box = Box(Latest)
+    box.clocks.note(3, 8.0, box.clock.now())  # the writer's clock is 8 s behind ours
+    box.file("r1", 0.1, stamp=box.clock.now() - 8.0, epoch=3)
+    assert box.inbox.get("r1").delay == pytest.approx(0.0, abs=1e-3)
+    delays = []
+    for _ in range(80):  # restarted, on a path that takes 0.9 s now, and never measured
+        box.clock.advance(0.05)
+        box.file("r1", 0.1, stamp=box.clock.now() - 8.9, epoch=4)
+        delays.append(box.inbox.get("r1").delay)
+    assert delays[:59] == pytest.approx([0.9] * 59, abs=2e-3)
+    assert delays[-1] == 0.0  # after 3 s its clock may be another one
+    box.clocks.note(4, 8.0, box.clock.now())
+    box.file("r1", 0.1, stamp=box.clock.now() - 8.9, epoch=4)
+    received = box.inbox.get("r1")
+    assert received.delay == pytest.approx(0.9, abs=2e-3)
+    assert received.captured() == pytest.approx(box.clock.now() - 0.9, abs=2e-3)

@@ -12,6 +12,7 @@ import pytest
 from basestation.filming import Filming
 from basestation.sources.device import Device
 from muro_zenoh import channels
+from muro_zenoh.config import ClockSettings
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.transport import MemoryNetwork, make_bus
 from tests.unit.test_filming import SIZE, Paced
@@ -93,7 +94,9 @@ def test_garbage_is_named_within_a_second_said_once_retried_and_never_stops_the_
             health = {name: station.latest(channels.HEALTH, name) for name in names}
 
             def filming(number: int) -> Filming:
-                return Filming(bus, names[number], SIZE, 85, lambda: Device(number, *SIZE, 20.0), Paced())
+                return Filming(
+                    bus, names[number], SIZE, 85, lambda: Device(number, *SIZE, 20.0), Paced(), ClockSettings()
+                )
 
             tasks = [asyncio.create_task(filming(number).run()) for number in (0, 1)]
             await asyncio.sleep(2.0)

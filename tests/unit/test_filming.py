@@ -20,14 +20,16 @@ from basestation.sources.opening import opener
 from basestation.sources.recordings import ImageDirectory
 from basestation.sources.source import FrameSource, Shot
 from muro_zenoh import channels
-from muro_zenoh.config import parse_scenario
+from muro_zenoh.config import ClockSettings, parse_scenario
 from muro_zenoh.errors import CameraError, ConfigError
 from muro_zenoh.messages import Frame, Health
 from muro_zenoh.runtime.clock import SystemClock
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
-from muro_zenoh.transport import Every, Latest, MemoryNetwork, make_bus
+from muro_zenoh.transport import Bus, Every, Latest, MemoryNetwork, make_bus
+from muro_zenoh.transport.measured_clock import answer_time
 from tests.support.waiting import within
 
+CLOCKS = ClockSettings()
 SIZE = (64, 48)
 
 
@@ -85,6 +87,7 @@ class Seen:
     frames: Every[Frame]
     health: Latest[Health]
     task: asyncio.Task[None]
+    station: Bus
 
     def reasons(self) -> tuple[str, ...]:
         received = self.health.get()
@@ -97,9 +100,9 @@ async def filming(open_source: Callable[[], FrameSource], executor: object = Non
     clock = VirtualClock() if executor is None else SystemClock()
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as station:
         frames, health = station.every(channels.CAMERA, "north", depth=1024), station.latest(channels.HEALTH, "north")
-        camera = Filming(bus, "north", SIZE, 85, open_source, executor or Paced())  # type: ignore[arg-type]
+        camera = Filming(bus, "north", SIZE, 85, open_source, executor or Paced(), CLOCKS)  # type: ignore[arg-type]
         task = asyncio.create_task(camera.run())
-        yield Seen(frames, health, task)
+        yield Seen(frames, health, task, station)
         task.cancel()
         await asyncio.wait({task})
 
@@ -116,6 +119,21 @@ def test_its_pictures_are_published_with_the_time_of_their_capture() -> None:
                 assert picture.shape == SIZE[::-1]
                 assert frame.arrival - frame.message.stamp < 1e-3
             assert seen.reasons() == ()
+
+    run_virtually(main())
+
+
+def test_its_clock_is_compared_with_the_base_stations() -> None:
+    """A link that is slow from the first picture on would else count as quick."""
+
+    async def main() -> None:
+        async with filming(Fake().open) as seen:
+            answer_time(seen.station)
+            await asyncio.sleep(2.5)
+            health, frame = seen.health.get(), seen.frames.drain()[-1]
+            assert health is not None
+            assert "clock_offset_s" in health.message.numbers
+            assert seen.station.clocks.offset(frame.message.epoch, frame.arrival) < 0.01
 
     run_virtually(main())
 
@@ -200,7 +218,9 @@ def test_a_recording_is_played_in_its_own_time_and_ends(tmp_path: Path) -> None:
         network, clock = MemoryNetwork(), VirtualClock()
         async with make_bus(network.link(), clock=clock) as bus:
             frames = bus.every(channels.CAMERA, "north", depth=64)
-            camera = Filming(bus, "north", SIZE, 0, lambda: ImageDirectory(tmp_path, 10.0), InlineExecutor())
+            camera = Filming(
+                bus, "north", SIZE, 0, lambda: ImageDirectory(tmp_path, 10.0), InlineExecutor(), ClockSettings()
+            )
             await camera.run()
             stamps = [frame.message.stamp for frame in frames.drain()]
             assert np.diff(stamps) == pytest.approx(0.1, abs=1e-5)
