@@ -69,12 +69,16 @@ def offer(web: str | None, file: Path) -> Offer | str:
     if web is not None:
         address = address_of(web)
         return Offer(_checked(address), file, tokens_in(file))
-    if is_free(DEFAULT):
-        return Offer(DEFAULT, file, tokens_in(file))
-    with contextlib.closing(listen(DEFAULT.host, 0)) as probe:
-        address = Address(DEFAULT.host, probe.getsockname()[1])
+    try:
+        tokens = tokens_in(file)
+        if is_free(DEFAULT):
+            return Offer(DEFAULT, file, tokens)
+        with contextlib.closing(listen(DEFAULT.host, 0)) as probe:
+            address = Address(DEFAULT.host, probe.getsockname()[1])
+    except (ConfigError, OSError) as error:  # nobody asked for it, and the base station is needed
+        return f"no page: {error}"
     note = f"port {DEFAULT.port} is in use, so the page of this fleet is on port {address.port}"
-    return Offer(address, file, tokens_in(file), note)
+    return Offer(address, file, tokens, note)
 
 
 def _checked(address: Address) -> Address:

@@ -27,6 +27,9 @@ _SILENT: Final = channels.ALL_POSITIONS.stale_after
 _SLOW_PERIOD: Final = 0.25
 """Time between two looks at what is slow [s]; what robots report when something changes is looked at in each tick."""
 
+_PAGE: Final = "page"
+"""This process among the others; nobody else needs to hear of it."""
+
 _UNKNOWN: Final = (None,) * 8
 
 
@@ -156,7 +159,13 @@ class FleetWatch:
         self._events.processes(now, self._roster.alive)
         if now - self._processes_at >= channels.HEALTH.period or now < self._processes_at:
             self._processes_at = now
-            self.frames.set_part("processes", self._processes.rows(now, healths, self._roster.alive))
+            self._set_processes(now, healths)
+
+    def _set_processes(self, now: float, healths: Mapping[str, Received[Health]]) -> None:
+        own = Health(stamp=now, role=_PAGE, state="serving", numbers=self._bus.numbers())
+        reports = {_PAGE: Received(_PAGE, own, now, 0.0, 0.0), **healths}
+        alive = {(_PAGE, _PAGE), *self._roster.alive}
+        self.frames.set_part("processes", self._processes.rows(now, reports, alive))
 
     def _goal_of(self, name: str, behaviour: Behaviour | None) -> list[float | None] | None:
         runs, goal = self._goals.get(name, ("", None))

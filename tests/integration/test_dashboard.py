@@ -58,7 +58,7 @@ class TestWhatItShows:
             assert client.state["circle"]["radius"] == 0.8
             assert sum(client.state["gaps"].values()) == pytest.approx(2.0 * math.pi, abs=0.01)
             assert client.state["stop"]["all"] is False
-            assert {"r1", "r2", "basestation", "simulator"} <= client.state["processes"].keys()
+            assert {"r1", "r2", "basestation", "simulator", "page"} <= client.state["processes"].keys()
 
     async def test_a_state_has_what_is_slow_only_when_it_changed(self, fleet: PageFleet) -> None:
         async with fleet.client() as client:

@@ -132,6 +132,13 @@ class TestOffer:
         with pytest.raises(ConfigError, match="expected an address of this machine"):
             offer("203.0.113.1:8010", tmp_path / "tokens.json")
 
+    def test_a_base_station_starts_without_a_page_rather_than_not_at_all(self, tmp_path: Path) -> None:
+        said = offer(None, tmp_path / "nowhere" / "tokens.json")
+        assert isinstance(said, str)
+        assert said.startswith("no page: ")
+        with pytest.raises(ConfigError):
+            offer("127.0.0.1:0", tmp_path / "nowhere" / "tokens.json")
+
     def test_without_the_extra(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(offering, "_PACKAGES", ("no_such_web_server",))
         said = offer(None, tmp_path / "tokens.json")

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from muro_zenoh.cli.live import line_of, table_of
-from muro_zenoh.config import Scenario, parse_scenario
+from muro_zenoh.config import Fault, Scenario, parse_scenario
+from muro_zenoh.config.fault_rows import fault_of, read_faults
 from muro_zenoh.config.faults import KINDS as ALL_KINDS
 from muro_zenoh.config.faults import OF_THE_ROOM, RUN_KINDS, Place
-from muro_zenoh.errors import ConfigError
+from muro_zenoh.config.origin import Origin
+from muro_zenoh.config.writing import faults_as_toml
+from muro_zenoh.errors import ConfigError, OrderRefused
+from muro_zenoh.messages import Break
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.scoring.observed import FaultSeen
 from muro_zenoh.scoring.view import View
@@ -177,7 +182,20 @@ class Run:
             self.children[missing].pid = None
         links = Links(scenario, 1)
         links.befall = self._note  # type: ignore[method-assign]
-        self.faults = Faults(scenario, links, lambda: self.children, VirtualClock(), self.said.append)
+        self.room: list[tuple[float, str]] = []
+        self.refused = ""
+        self.changes = 0
+        self.faults = Faults(
+            scenario, links, lambda: self.children, VirtualClock(), self.said.append, self._in_room, self._changed
+        )
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+    async def _in_room(self, fault: Fault) -> None:
+        if self.refused:
+            raise OrderRefused(self.refused)
+        self.room.append((round(asyncio.get_running_loop().time(), 3), described(fault)))
 
     def _note(self, lasting: Any) -> None:
         self.links.append((asyncio.get_running_loop().time(), tuple(described(fault) for fault in lasting)))
@@ -259,6 +277,92 @@ def test_what_has_not_begun_when_the_run_ends_is_reported_as_that() -> None:
         assert run.faults.seen[0].begin == 1.0
         assert run.faults.seen[1] == FaultSeen("freeze", "r2/agent")
         assert len(run.done) == 1
+
+    run_virtually(main())
+
+
+class TestOnAnOperatorsOrder:
+    @staticmethod
+    def now(run: Run, kind: str, target: str, **more: Any) -> Fault:
+        at = run.faults.elapsed
+        order = Break(fault=kind, target=target, duration=more.pop("duration", None), numbers=more)
+        return fault_of(order, lab(), at)
+
+    def test_it_happens_at_once_and_is_a_row_of_the_scenario(self) -> None:
+        async def main() -> None:
+            run = Run(lab())
+            await run.to_its_end()
+            await asyncio.sleep(2.0)
+            assert await run.faults.let_happen(self.now(run, "freeze", "r1/agent", duration=1.0)) == ""
+            assert await run.faults.let_happen(self.now(run, "carry", "r2", duration=0.5, x=0.3)) == ""
+            await asyncio.sleep(0.1)
+            assert run.faults.lasting == ("freeze r1/agent", "carry r2")
+            await asyncio.sleep(2.0)
+            assert run.done == [(12.0, "r1", "SIGSTOP"), (13.0, "r1", "SIGCONT")]
+            assert run.room == [(12.0, "carry r2")], "once: the simulator ends it itself"
+            assert run.faults.lasting == ()
+            assert [(f.kind, f.at, f.duration) for f in run.faults.ordered] == [
+                ("freeze", 2.0, 1.0),
+                ("carry", 2.0, 0.5),
+            ]
+            assert [seen.end for seen in run.faults.seen] == [3.0, 2.5]
+            assert run.changes == 4
+            again = tomllib.loads(faults_as_toml(run.faults.ordered))["fault"]
+            assert read_faults(again, 60.0, Origin("lab.toml"), ("r1", "r2"), ()) == run.faults.ordered
+
+        run_virtually(main())
+
+    def test_what_cannot_happen_leaves_no_trace(self) -> None:
+        async def main() -> None:
+            run = Run(lab())
+            await run.to_its_end()
+            run.refused = "no room for it"
+            del run.children["basestation"]
+            for kind, target, reason in (
+                ("carry", "r1", "no room for it"),
+                ("crash", "basestation", "this run has no process basestation"),
+                ("crash", "camera", "this run has no process camera-north"),
+                ("partition", "basestation", "this run has no process basestation"),
+            ):
+                with pytest.raises(OrderRefused, match=reason):
+                    await run.faults.let_happen(self.now(run, kind, target, **NUMBERS.get(kind, {})))
+            with pytest.raises(ConfigError, match="one simulator runs the bases"):
+                await run.faults.let_happen(self.now(run, "crash", "r1/base"))
+            run.children["basestation"] = FakeChild("basestation", run.done)
+            with pytest.raises(OrderRefused, match="without a relay"):
+                await run.faults.let_happen(self.now(run, "partition", "basestation"))
+            assert (run.done, run.faults.ordered, run.faults.seen) == ([], (), ())
+
+        run_virtually(main())
+
+    def test_nothing_begins_or_ends_after_the_run(self) -> None:
+        async def main() -> None:
+            run = Run(lab())
+            await run.to_its_end()
+            await run.faults.let_happen(self.now(run, "freeze", "r1/agent", duration=5.0))
+            await asyncio.sleep(1.0)
+            await run.faults.close()
+            await asyncio.sleep(10.0)
+            assert run.done == [(10.0, "r1", "SIGSTOP")]
+
+        run_virtually(main())
+
+
+def test_a_fault_of_the_room_is_the_simulators() -> None:
+    async def main() -> None:
+        run = Run(lab(fault("carry", "r1", at=1.0), fault("camera_dropout", "camera", at=3.0, duration=1.0)))
+        befalling = asyncio.create_task(run.to_its_end())
+        await asyncio.sleep(11.5)
+        run.refused = "no such camera here"
+        await befalling
+        assert run.room == [(11.0, "carry r1")]
+        assert run.said == [
+            "fault: carry r1",
+            "fault over: carry r1",
+            "fault: camera_dropout camera: no such camera here",
+            "fault over: camera_dropout camera",
+        ]
+        assert run.done == []
 
     run_virtually(main())
 
