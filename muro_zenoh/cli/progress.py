@@ -51,7 +51,8 @@ class CheckScreen:
             report: the report so far.
         """
         speed = f"{report.times_real_time:.0f}x real time"
-        broken = f"{len(report.broken)} broken, {speed}"
+        worst = f" (seed {report.broken[0].seed})" if report.broken else ""
+        broken = f"{len(report.broken)} broken{worst}, {speed}"
         self._progress.update(self._task, completed=report.done, description=broken)
         if not self._console.is_terminal and report.done and time.monotonic() >= self._next:
             self._next = time.monotonic() + _LINE_PERIOD
