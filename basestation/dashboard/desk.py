@@ -24,6 +24,7 @@ from basestation.dashboard.requests import (
     StopOrder,
     read_order,
 )
+from basestation.dashboard.stops import Stops
 from basestation.dashboard.watching import FleetWatch
 from muro_zenoh import channels
 from muro_zenoh.behaviours import table
@@ -33,9 +34,7 @@ from muro_zenoh.errors import MuroError, NoReply
 from muro_zenoh.messages import Break, Clear, Goal, Reply, SetBehaviour, SetCircle
 from muro_zenoh.orders.behaviour import set_behaviour
 from muro_zenoh.orders.goal import send_goal
-from muro_zenoh.orders.receipt import StopStatus
-from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
-from muro_zenoh.orders.wording import receipt_json, receipt_lines
+from muro_zenoh.orders.stop import resume_robots
 from muro_zenoh.transport import Bus
 
 log = logging.getLogger(__name__)
@@ -68,7 +67,7 @@ class Desk:
         self._watch = watch
         self._hands = Hands(bus)
         self._running: dict[int, set[asyncio.Task[None]]] = {}
-        self._stops: dict[int, tuple[asyncio.Task[None], list[int]]] = {}
+        self._stops = Stops(bus, watch.look)
         self._give: Mapping[type, Callable[[Any], Coroutine[Any, Any, dict[str, Any]]]] = {
             ResumeOrder: self._resume,
             GoalOrder: self._goal,
@@ -92,7 +91,8 @@ class Desk:
         if client.right is not Right.STEER and order.word not in _FREE:
             self._answer(client, order, outcome="refused", reason="only an operator may: open the operator's link")
         elif isinstance(order, StopOrder):
-            self._stop(client, order)
+            self._hands.release(order.names)
+            self._stops.stop(client, order.id, order.names)
         elif isinstance(order, DriveOrder):
             self._drive(client, order)
         elif isinstance(order, PictureOrder):
@@ -111,40 +111,12 @@ class Desk:
     async def close(self) -> None:
         """Drive nobody any more, and wait for no answer: what was ordered holds."""
         self._hands.release(())
-        tasks = {task for task, _ in self._stops.values()}.union(*self._running.values())
+        await self._stops.close()
+        tasks = set().union(*self._running.values())
         for task in tasks:
             task.cancel()
         if tasks:
             await asyncio.wait(tasks)
-
-    # ---- stop: always, at once, and as often as it is pressed
-
-    def _stop(self, client: Client, order: StopOrder) -> None:
-        """Every press sends the order anew: between two of them somebody may have resumed. The last receipt is for
-        all of them."""
-        self._hands.release(order.names)
-        ids = [order.id]
-        if client.number in self._stops:
-            running, earlier = self._stops.pop(client.number)
-            running.cancel()
-            ids = [*earlier[-16:], order.id]
-
-        async def stop() -> None:
-            result = await stop_robots(self._bus, order.names)
-            self._stops.pop(client.number, None)
-            self._watch.look()
-            for number in ids:
-                client.reply(id=number, order="stop", **_of_stop(result))
-
-        self._stops[client.number] = asyncio.create_task(stop(), name=f"stop of client {client.number}"), ids
-
-    def _end_stop(self, client: Client) -> None:
-        """Whoever resumes wants his own stop to be repeated no longer."""
-        if client.number in self._stops:
-            running, ids = self._stops.pop(client.number)
-            running.cancel()
-            for number in ids:
-                client.reply(id=number, order="stop", outcome="taken", reason="resumed before the receipt was complete")
 
     # ---- orders that are answered
 
@@ -153,8 +125,9 @@ class Desk:
         if len(running) >= _MOST_AT_ONCE:
             self._answer(client, order, outcome="refused", reason=f"{len(running)} orders are still under way")
             return
-        if isinstance(order, ResumeOrder):
-            self._end_stop(client)
+        if isinstance(order, ResumeOrder) and (reason := self._stops.make_way(client, order.names)):
+            self._answer(client, order, outcome="refused", reason=reason)
+            return
 
         async def give() -> None:
             try:
@@ -245,15 +218,3 @@ class Desk:
 
 def _of_reply(reply: Reply, reason: str = "") -> dict[str, Any]:
     return {"outcome": "taken" if reply.accepted else "refused", "reason": reason or reply.reason}
-
-
-def _of_stop(result: StopResult) -> dict[str, Any]:
-    lines = receipt_lines(result)
-    unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE)
-    latched = any(robot.status not in unheard for robot in result.robots.values())
-    answered = latched or (result.reply is not None and result.reply.accepted)
-    return {
-        "outcome": "taken" if answered else "unanswered",
-        "reason": "" if result.confirmed else lines[-1],
-        "receipt": {**receipt_json(result), "lines": lines},
-    }

@@ -18,6 +18,9 @@ _REPEATS: Final = 6
 _REPEAT_PERIOD: Final = 0.1
 """A stop is sent at once, and again for half a second: a robot may be connecting just now [s]."""
 
+REPEATED_FOR: Final = _REPEATS * _REPEAT_PERIOD
+"""The time from a stop until it is certain that it is repeated no more [s]."""
+
 _CONFIRMATION_TIMEOUT: Final = 2.5
 """Agents report at once when they latch a stop, and once a second besides [s]."""
 
