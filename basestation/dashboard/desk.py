@@ -152,7 +152,7 @@ class Desk:
             log.error("%s: %r", task.get_name(), error, exc_info=error)
 
     async def _resume(self, order: ResumeOrder) -> dict[str, Any]:
-        result = await resume_robots(self._bus, order.names)
+        result = await resume_robots(self._bus, order.names, order.revision)
         still = f"still stopped: {' '.join(result.still_stopped)}" if result.still_stopped else ""
         return _of_reply(result.reply, still)
 

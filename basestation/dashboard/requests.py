@@ -34,8 +34,9 @@ class StopOrder(Order, frozen=True, kw_only=True, tag="stop"):
 
 
 class ResumeOrder(Order, frozen=True, kw_only=True, tag="resume"):
-    """Lift the stop of ``names``; none for all robots."""
+    """Lift the stop of ``names``, none for all robots, as long as it is the one of the ``revision`` that was shown."""
 
+    revision: Annotated[int, Meta(ge=0, le=2**53)]
     names: Names = ()
 
 

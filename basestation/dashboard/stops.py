@@ -149,7 +149,7 @@ class Stops:
 
 def _of(result: StopResult) -> dict[str, Any]:
     lines = receipt_lines(result)
-    unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE)
+    unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE, StopStatus.UNKNOWN)
     latched = any(robot.status not in unheard for robot in result.robots.values())
     answered = latched or (result.reply is not None and result.reply.accepted)
     return {

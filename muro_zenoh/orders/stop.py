@@ -166,12 +166,14 @@ class _Watch:
         return found
 
 
-async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
+async def resume_robots(bus: Bus, names: tuple[str, ...], revision: int | None = None) -> ResumeResult:
     """Lift a stop.
 
     Args:
         bus: the bus.
         names: of which robots; none for all.
+        revision: of the stop that the operator saw; the base station refuses when there is a newer one. None for the
+            newest that is received now.
 
     Raises:
         NoReply: the base station is silent.
@@ -187,7 +189,8 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
                 f"the base station is silent (waited {_STOP_STATE_TIMEOUT:g} s for its stop state), and only it can "
                 "lift a stop. Is `muro basestation` running, and on this router?"
             )
-        reply = await bus.ask(channels.RESUME, Resume(revision=known.message.revision, names=names))
+        seen = known.message.revision if revision is None else revision
+        reply = await bus.ask(channels.RESUME, Resume(revision=seen, names=names))
         answered = bus.clock.now()
         if not reply.accepted:
             return ResumeResult(reply, answered)

@@ -21,7 +21,7 @@ from tests.support.waiting import seconds
 
 ORDERS: list[dict[str, Any]] = [
     {"order": "stop", "id": 1, "names": ["r1"]},
-    {"order": "resume", "id": 2, "names": []},
+    {"order": "resume", "id": 2, "names": [], "revision": 7},
     {"order": "goal", "id": 3, "name": "r1", "x": 0.5, "y": -0.25, "theta": None},
     {"order": "behaviour", "id": 4, "behaviour": "circle", "parameters": {"speed": 0.1}, "names": ["r2"]},
     {"order": "circle", "id": 5, "x": 0.1, "y": 0.0, "radius": 0.7, "clockwise": True},
@@ -117,7 +117,7 @@ async def test_ten_thousand_mutated_frames(fleet: PageFleet) -> None:
     async with fleet.client() as client:
         reply = await client.order("stop")
         assert reply["receipt"]["confirmed"]
-        assert (await client.order("resume"))["outcome"] == "taken"
+        assert (await client.resume())["outcome"] == "taken"
         assert not fleet.processes["basestation"].done()
 
 

@@ -75,7 +75,7 @@ async def test_a_resume_behind_a_stop_is_refused_and_the_stop_holds(there: Lab) 
     agents, page = await there.agents("r1", "r2"), Page(there)
     store = await there.base_station()
     page.order("stop", 1)
-    page.order("resume", 2)
+    page.order("resume", 2, revision=store.stop.revision + 1)
     await asyncio.sleep(1.0)
     assert page.client.replies[2]["outcome"] == "refused"
     assert "pressed just now" in page.client.replies[2]["reason"]
@@ -88,14 +88,45 @@ async def test_a_resume_behind_a_stop_is_refused_and_the_stop_holds(there: Lab) 
 async def test_a_resume_while_a_robot_does_not_confirm_says_that_it_did_not(there: Lab) -> None:
     await there.agents("r1", "r2", deaf="r2")
     page = Page(there)
-    await there.base_station()
+    store = await there.base_station()
     page.order("stop", 1)
     await asyncio.sleep(1.0)
     assert page.client.replies == {}
-    page.order("resume", 2)
+    page.order("resume", 2, revision=store.stop.revision)
     await asyncio.sleep(3.0)
     assert page.client.replies[1]["outcome"] == "unanswered"
     assert page.client.replies[2]["outcome"] == "taken"
+
+
+@virtual
+async def test_a_resume_lifts_no_stop_that_came_after_the_question(there: Lab) -> None:
+    agents, page = await there.agents("r1", "r2"), Page(there)
+    store = await there.base_station()
+    page.order("stop", 1)
+    await asyncio.sleep(1.0)
+    asked = store.stop.revision
+    page.order("stop", 1, Client(2))
+    await asyncio.sleep(1.0)
+    page.order("resume", 2, revision=asked)
+    await asyncio.sleep(1.0)
+    assert page.client.replies[2]["outcome"] == "refused"
+    assert "came in between" in page.client.replies[2]["reason"]
+    assert stopped(agents) == {"r1", "r2"}
+    page.order("resume", 3, revision=store.stop.revision)
+    await asyncio.sleep(1.0)
+    assert page.client.replies[3]["outcome"] == "taken"
+    assert stopped(agents) == set()
+
+
+@virtual
+async def test_a_stop_of_nobody_is_not_taken(there: Lab) -> None:
+    """Without a base station nobody keeps it for a robot of this name."""
+    await there.agents("r1")
+    page = Page(there)
+    page.order("stop", 1, names=["r7"])
+    await asyncio.sleep(5.0)
+    assert page.client.replies[1]["outcome"] == "unanswered"
+    assert page.client.replies[1]["receipt"]["robots"]["r7"]["status"] == "unknown"
 
 
 @virtual

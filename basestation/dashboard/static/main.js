@@ -50,6 +50,7 @@ function start() {
     connection,
     fleet,
     orders,
+    () => driving.letGo(),
   );
   new Theme(at("theme"), recolour);
   const palette = new Palette();
@@ -57,7 +58,7 @@ function start() {
   const arena = new Arena(byId("floor", HTMLCanvasElement), fleet, palette, pictures);
   const link = new Link({ word: at("link"), veil: at("veil"), body: document.body }, connection);
   const driving = new Driving(connection, fleet, () => card.showWish());
-  const card = new RobotCard(at("card"), arena, orders, driving);
+  const card = new RobotCard(at("card"), arena, orders, driving, stop);
   const list = new RobotList(at("robots"), at("aside"), fleet, choose);
   const behaviours = new BehaviourPanel(at("panel-behaviour"), fleet, orders);
   const circle = new CirclePanel(at("panel-behaviour"), arena, orders);
