@@ -45,6 +45,9 @@ _MOST_AT_ONCE: Final = 8
 _BREAK_TIMEOUT: Final = 8.0
 """A process whose link is to be broken may have to start anew first [s]."""
 
+_OLDEST_SIGHT: Final = 0.3
+"""Nobody drives by a state that is older [s]; the time until the wish arrives counts, so that none is late, either."""
+
 _BY_HAND: Final = frozenset(name for name in table.names() if Need.HAND in table.built_in(name).needs)
 """The behaviours that are driven by hand."""
 
@@ -194,6 +197,12 @@ class Desk:
             if behaviour is None or behaviour.behaviour not in _BY_HAND:
                 runs = f"runs {behaviour.behaviour}" if behaviour is not None else "has no behaviour yet"
                 raise ValueError(f"{order.name} {runs}: choose the behaviour {' or '.join(sorted(_BY_HAND))} first")
+            age = self._bus.clock.now() - order.t
+            if (order.v, order.omega) != (0.0, 0.0) and not 0.0 <= age <= _OLDEST_SIGHT:
+                raise ValueError(
+                    f"got a wish by a state of {age:.1f} s ago, expected at most {_OLDEST_SIGHT:g} s: the connection "
+                    "is too slow to drive by hand"
+                )
             self._hands.drive(client.number, order.name, order.v, order.omega)
         except (MuroError, ValueError) as error:
             if self._hands.may_complain(client.number):

@@ -73,11 +73,12 @@ class ClearOrder(Order, frozen=True, kw_only=True, tag="clear"):
 
 
 class DriveOrder(Order, frozen=True, kw_only=True, tag="drive"):
-    """Drive the robot ``name`` by hand: ``v`` [m/s], ``omega`` [rad/s]."""
+    """Drive the robot ``name`` by hand: ``v`` [m/s], ``omega`` [rad/s], by what was seen in the state of ``t`` [s]."""
 
     name: Name
     v: float
     omega: float
+    t: float
 
 
 class PictureOrder(Order, frozen=True, kw_only=True, tag="picture"):

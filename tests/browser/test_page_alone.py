@@ -162,3 +162,113 @@ async def test_a_connection_that_is_never_opened_is_given_up(browser: Browser) -
             await asked.get()
         opened.complaints.clear()  # the browser says itself that it could not connect
     server.close()
+
+
+# ---- driving by hand
+
+
+@pytest_asyncio.fixture(loop_scope="package")
+async def by_hand(there: There) -> There:
+    """r1 is driven."""
+    opened, _ = there
+    await opened.page.locator("#robots button", has_text="r1").click()
+    await opened.page.locator("#card button", has_text="Drive by hand").click()
+    await opened.page.locator(".pad").wait_for()
+    return there
+
+
+def wish(base: PlayedBase) -> tuple[float, float]:
+    """What the page wants of the robot."""
+    drives = base.of("drive")
+    return (drives[-1]["v"], drives[-1]["omega"]) if drives else (0.0, 0.0)
+
+
+async def drives(base: PlayedBase) -> None:
+    before = len(base.of("drive"))
+    await base.until(lambda: len(base.of("drive")) > before + 2 and wish(base) != (0.0, 0.0), "it drives")
+
+
+async def stands(base: PlayedBase) -> None:
+    """It is commanded zero, and nothing after that."""
+    await base.until(lambda: wish(base) == (0.0, 0.0), "it stands")
+    sent = len(base.of("drive"))
+    await asyncio.sleep(0.25)
+    assert len(base.of("drive")) == sent
+
+
+async def test_a_wish_has_the_time_of_what_was_seen(by_hand: There) -> None:
+    opened, base = by_hand
+    await opened.page.keyboard.down("ArrowUp")
+    await drives(base)
+    base.sends = False
+    await stands(base)  # what is shown is old: the hand is off
+    base.sends = True
+    await asyncio.sleep(0.3)
+    assert wish(base) == (0.0, 0.0), "the key must come anew"
+    assert all(abs(order["t"] - base.t) < seconds(30.0) for order in base.of("drive"))
+    assert len({order["t"] for order in base.of("drive")}) > 2
+
+
+LOST_HANDS = {
+    "Cmd": "Meta",
+    "Control": "Control",
+    "Alt": "Alt",
+    "menu": "window.dispatchEvent(new MouseEvent('contextmenu', {bubbles: true}))",
+}
+
+
+@pytest.mark.parametrize("how", LOST_HANDS)
+async def test_a_key_whose_release_may_be_lost_drives_no_longer(by_hand: There, how: str) -> None:
+    opened, base = by_hand
+    await opened.page.keyboard.down("ArrowUp")
+    await drives(base)
+    if how == "menu":
+        await opened.page.evaluate(LOST_HANDS[how])
+    else:
+        await opened.page.keyboard.down(LOST_HANDS[how])
+    await stands(base)
+
+
+async def test_a_finger_on_the_stick_must_come_anew_after_the_page_lost_the_focus(by_hand: There) -> None:
+    opened, base = by_hand
+    mouse, pad = opened.page.mouse, await opened.page.locator(".pad").bounding_box()
+    assert pad is not None
+    x, y = pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2
+    await mouse.move(x, y)
+    await mouse.down()
+    await mouse.move(x, y - 40, steps=2)
+    await drives(base)
+    await mouse.move(x, y)  # in the middle it rests, and goes on with the same finger
+    await stands(base)
+    await mouse.move(x, y - 40, steps=2)
+    await drives(base)
+    await opened.page.evaluate("window.dispatchEvent(new Event('blur'))")
+    await mouse.move(x - 30, y - 30, steps=3)
+    await stands(base)
+    await mouse.up()
+    await mouse.down()
+    await drives(base)
+    await mouse.up()
+    await stands(base)
+
+
+async def test_who_is_not_shown_as_driven_is_not_driven(by_hand: There) -> None:
+    opened, base = by_hand
+    await opened.page.keyboard.down("KeyW")
+    await drives(base)
+    await opened.page.locator("#robots button", has_text="r1").click()  # it is no longer selected
+    await stands(base)
+    await opened.page.keyboard.up("KeyW")
+    await opened.page.keyboard.down("KeyW")
+    await asyncio.sleep(0.25)
+    assert wish(base) == (0.0, 0.0)
+
+
+async def test_a_refusal_is_shown_for_what_was_refused(by_hand: There) -> None:
+    opened, base = by_hand
+    base.send({"kind": "reply", "id": 999, "order": "circle", "outcome": "refused", "reason": "too late"})
+    assert "circle" in await opened.notice("too late")
+    base.send({"kind": "reply", "id": None, "order": "", "outcome": "refused", "reason": "not an order"})
+    assert "Drive" not in await opened.notice("not an order")
+    base.send({"kind": "reply", "id": 0, "order": "drive", "outcome": "refused", "reason": "driven from another page"})
+    assert "Drive r1" in await opened.notice("driven from another page")

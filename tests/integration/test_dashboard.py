@@ -222,7 +222,7 @@ class TestWhoMay:
                     ("behaviour", {"behaviour": "hold"}),
                     ("circle", {"radius": 0.7}),
                     ("clear", {"name": "r1"}),
-                    ("drive", {"name": "r1", "v": 0.1, "omega": 0.0}),
+                    ("drive", {"name": "r1", "v": 0.1, "omega": 0.0, "t": 0.0}),
                     ("break", {"kind": "crash", "target": "r1/agent"}),
                 ]
                 for order, values in orders:

@@ -65,6 +65,11 @@ export class Connection {
     }, 500);
   }
 
+  /** How much that was sent is still in this machine [bytes]. */
+  get buffered() {
+    return this.#socket?.bufferedAmount ?? 0;
+  }
+
   /**
    * Send an order that nobody waits for.
    *

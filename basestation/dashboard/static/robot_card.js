@@ -75,6 +75,11 @@ export class RobotCard {
     this.#say("note", [details.note, wheels].filter(Boolean).join("; ") || "–");
   }
 
+  /** Whoever has a finger on the stick must come anew. */
+  releaseStick() {
+    this.#hand?.release();
+  }
+
   /** Show where the stick is. */
   showWish() {
     this.#hand?.showWish();

@@ -1,4 +1,4 @@
-"""Stops from pages, in virtual time: none is lost, none gets another's receipt, and many cost no more than a few."""
+"""Orders from pages that safety depends on, in virtual time: no stop is lost, no resume and no wish is late."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from basestation.dashboard import stops
 from basestation.dashboard.access import Right
 from basestation.dashboard.desk import Desk
 from basestation.dashboard.watching import FleetWatch
+from muro_zenoh import channels
+from muro_zenoh.channels import Role
 from muro_zenoh.errors import TransportError
+from muro_zenoh.messages import Behaviour
 from tests.unit.test_stop_orders import LAB, Agent, Lab, virtual
 
 
@@ -185,3 +188,36 @@ async def test_viewers_that_flood_cost_a_few_confirmations_and_an_operator_none_
     refused = [reply for viewer in viewers for reply in viewer.replies.values() if "still awaited" in reply["reason"]]
     assert refused
     await page.desk.close()
+
+
+# ---- driving by hand
+
+
+@virtual
+async def test_a_wish_by_what_was_seen_long_ago_drives_nobody(there: Lab) -> None:
+    """On a slow connection it has waited behind others; the hand may be off by now. A zero is always taken."""
+    page = Page(there)
+    base = await there.join(Role.BASESTATION)
+    base.publisher(channels.BEHAVIOUR, "r1").put(Behaviour(behaviour="manual", revision=1))
+    wishes = there.observer.every(channels.DRIVE, "r1")
+    await asyncio.sleep(0.01)
+
+    def sent() -> list[float]:
+        return [received.message.v for received in wishes.drain()]
+
+    def drive(number: int, age: float, v: float = 0.2) -> None:
+        page.order("drive", number, name="r1", v=v, omega=0.0, t=there.clock.now() - age)
+
+    for number, age in enumerate((0.31, 5.0, -0.1, float("nan"))):
+        drive(number, age)
+        await asyncio.sleep(1.1)  # it is said once a second
+        assert sent() == []
+        assert page.client.replies[number]["outcome"] == "refused"
+    drive(10, 0.25)
+    await asyncio.sleep(0.1)
+    assert set(sent()) == {0.2}
+    drive(11, 0.31)  # the one before goes on until it is over
+    drive(12, 9.0, v=0.0)
+    await asyncio.sleep(0.001)
+    assert sent() == [0.0]
+    assert 12 not in page.client.replies
