@@ -246,6 +246,12 @@ class TestWhoMay:
             with pytest.raises(InvalidStatus):
                 async with fleet.client(**headers):
                     pass
+        reader, writer = await asyncio.open_connection(*fleet.address)
+        writer.write(b"GET / HTTP/1.1\r\nHost: lab-pc\r\nConnection: close\r\n\r\n")
+        answer = (await reader.read()).decode()
+        writer.close()
+        assert " 403 " in answer
+        assert f"expected {fleet.address.text}: open {fleet.address.url}" in answer
         async with fleet.client(origin=f"http://{fleet.address.text}") as client:
             await client.until(lambda: client.hello, 5.0, "a greeting")
 

@@ -13,7 +13,7 @@ import msgpack
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from basestation.dashboard import hands
+from basestation.dashboard import hands, server
 from basestation.dashboard.client import MOST_BYTES
 from muro_zenoh.config import parse_scenario
 from tests.support.page import TOKENS, PageClient, PageFleet, page_fleet
@@ -76,14 +76,16 @@ def mutated(rng: random.Random) -> bytes:
     return bytes(data)
 
 
+TABLE = {
+    "robots": 2,
+    "camera": {"north": {"width": 640, "height": 480}},
+    "behaviour": {"name": "pursuit"},
+}
+
+
 @pytest.fixture
 async def fleet() -> AsyncIterator[PageFleet]:
-    table = {
-        "robots": 2,
-        "camera": {"north": {"width": 640, "height": 480}},
-        "behaviour": {"name": "pursuit"},
-    }
-    async with page_fleet(parse_scenario(table, "lab.toml", name="lab")) as there:
+    async with page_fleet(parse_scenario(TABLE, "lab.toml", name="lab")) as there:
         yield there
 
 
@@ -247,6 +249,37 @@ async def test_a_robot_that_is_not_driven_by_hand_says_so(fleet: PageFleet) -> N
             await client.drive("r1", 0.1, 0.0)
         await gets_states(client)
         assert len(client.replies) <= before + 1  # once a second is enough
+
+
+async def test_viewers_leave_places_for_operators(fleet: PageFleet, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_MOST_CLIENTS", 4)
+    monkeypatch.setattr(server, "_FOR_OPERATORS", 2)
+    async with contextlib.AsyncExitStack() as stack:
+
+        async def opens(token: str) -> PageClient:
+            client = await stack.enter_async_context(fleet.client(token))
+            await client.until(lambda: client.hello or client.closed, 5.0, "a greeting")
+            return client
+
+        viewers = [await opens(TOKENS.viewer) for _ in range(3)]
+        assert [viewer.closed is None for viewer in viewers] == [True, True, False]
+        assert "2 pages are open" in viewers[2].closed[1]  # type: ignore[index]
+        operators = [await opens(TOKENS.operator) for _ in range(3)]
+        assert [operator.closed is None for operator in operators] == [True, True, False]
+
+
+async def test_a_connection_without_a_request_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And one of a page that sends nothing is not."""
+    monkeypatch.setattr(server, "_REQUEST_TIMEOUT", 0.5)
+    async with page_fleet(parse_scenario(TABLE, "lab.toml", name="lab")) as fleet, fleet.client() as client:
+        await gets_states(client)
+        for said in (b"", b"GET /ws HTTP/1.1\r\n"):
+            reader, writer = await asyncio.open_connection(*fleet.address)
+            writer.write(said)
+            async with asyncio.timeout(seconds(10.0)):
+                assert await reader.read() == b""
+            writer.close()
+        await gets_states(client)
 
 
 async def test_many_clients_get_the_same(fleet: PageFleet) -> None:
