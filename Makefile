@@ -68,6 +68,8 @@ $(VENDOR)/.filled: $(VENV)/.npm
 	@mkdir -p $(VENDOR)
 	cp node_modules/uplot/dist/uPlot.iife.min.js node_modules/uplot/dist/uPlot.min.css $(VENDOR)/
 	cp node_modules/@msgpack/msgpack/dist.umd/msgpack.min.js $(VENDOR)/
+	cp node_modules/uplot/LICENSE $(VENDOR)/uPlot.LICENSE
+	cp node_modules/@msgpack/msgpack/LICENSE $(VENDOR)/msgpack.LICENSE
 	@touch $@
 
 $(VENV)/.npm: package.json package-lock.json | $(VENV)/.made
