@@ -195,8 +195,8 @@ function look(arena, pictures, fleet) {
       arena.redraw();
     };
   };
-  on("nearer", () => arena.view.zoom(1.4));
-  on("farther", () => arena.view.zoom(1 / 1.4));
+  on("zoom-in", () => arena.view.zoom(1.4));
+  on("zoom-out", () => arena.view.zoom(1 / 1.4));
   on("all", () => arena.view.fit());
   on("pictures", () => {
     pictures.want(Object.keys(fleet.hello?.cameras ?? {}), !pictures.on);

@@ -70,7 +70,7 @@ export class RobotCard {
     );
     this.#say("speed", `${figure(robot.v)} m/s, ${figure(robot.omega)} rad/s`);
     this.#say("command", `${figure(robot.command[0])} m/s, ${figure(robot.command[1])} rad/s`);
-    this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms`);
+    this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms ago`);
     this.#say("calibration", `${figure(calD, 3)}, turning ${figure(cal0, 3)}`);
     this.#say("note", [details.note, wheels].filter(Boolean).join("; ") || "–");
   }
@@ -186,7 +186,7 @@ export class RobotCard {
       place: "Place",
       speed: "Speed",
       command: "Commanded",
-      age: "Seen ago",
+      age: "Last seen",
       calibration: "Calibration",
       note: "Note",
     };
@@ -229,7 +229,7 @@ export class RobotCard {
     row.append(this.#follow);
     if (!fleet.maySteer) return row;
     if (condition === "lost") {
-      row.append(button("It was taken away", () => void orders.give(`Forget ${name}`, { order: "clear", name })));
+      row.append(button("Remove from the floor", () => void orders.give(`Forget ${name}`, { order: "clear", name })));
     }
     const driven = driving.name === name;
     row.append(button(driven ? "Let go" : "Drive by hand", () => void this.#takeByHand(driven ? "" : name), driven));
