@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from basestation.dashboard.access import Right
 from basestation.dashboard.client import Client
-from muro_zenoh.errors import MuroError
 from muro_zenoh.orders.receipt import StopStatus
 from muro_zenoh.orders.stop import REPEATED_FOR, StopResult, send_stop, stop_robots
 from muro_zenoh.orders.wording import receipt_json, receipt_lines
@@ -74,7 +73,7 @@ class Stops:
         key = client.number, tuple(sorted(set(names)))
         try:
             send_stop(self._bus, key[1])
-        except MuroError:
+        except Exception:  # whatever it is: the confirmation sends it again
             log.exception("stop of client %d: it cannot be sent; it is tried again", client.number)
         ids = [number]
         running = self._under_way.get(key)
