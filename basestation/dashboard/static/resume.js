@@ -29,6 +29,7 @@ export class ResumeButton {
   #offer() {
     const ask = element("button", { type: "button", className: "quiet", textContent: `${this.#label} …` });
     ask.onclick = () => this.#ask("Is the floor clear?");
+    this.element.classList.remove("asking");
     this.element.replaceChildren(ask);
     return ask;
   }
@@ -40,6 +41,7 @@ export class ResumeButton {
     const no = element("button", { type: "button", className: "quiet", textContent: "No" });
     no.onclick = () => this.#offer().focus();
     yes.onclick = () => void this.#resume(revision);
+    this.element.classList.add("asking");
     this.element.replaceChildren(element("span", {}, question), yes, no);
     no.focus(); // a key that is still held presses this one
   }
