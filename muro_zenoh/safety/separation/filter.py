@@ -78,6 +78,15 @@ class Separation:
         self._courtesy = Courtesy()
         self._patience = Patience(sorted({name, *others}).index(name))
 
+    def learn(self, now: float, snapshot: SharedSnapshot) -> None:
+        """Take a snapshot that came before the newest one: others keep apart by it.
+
+        Args:
+            now: the time [s].
+            snapshot: all robots.
+        """
+        self._known.learn(now, snapshot)
+
     def step(
         self,
         now: float,
