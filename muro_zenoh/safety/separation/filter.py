@@ -75,7 +75,7 @@ class Separation:
         self._route = Route(arena, self._inside, walls, keep)
         self._free = True
         """Whether the robot did as it wanted in the last step."""
-        self._courtesy = Courtesy()
+        self._courtesy = Courtesy(self._route.gates)
         self._patience = Patience(sorted({name, *others}).index(name))
 
     def learn(self, now: float, snapshot: SharedSnapshot) -> None:
