@@ -21,12 +21,12 @@ from tests.support.waiting import seconds
 
 ORDERS: list[dict[str, Any]] = [
     {"order": "stop", "id": 1, "names": ["r1"]},
-    {"order": "resume", "id": 2, "names": []},
+    {"order": "resume", "id": 2, "names": [], "revision": 7},
     {"order": "goal", "id": 3, "name": "r1", "x": 0.5, "y": -0.25, "theta": None},
     {"order": "behaviour", "id": 4, "behaviour": "circle", "parameters": {"speed": 0.1}, "names": ["r2"]},
     {"order": "circle", "id": 5, "x": 0.1, "y": 0.0, "radius": 0.7, "clockwise": True},
     {"order": "clear", "id": 6, "name": "r2"},
-    {"order": "drive", "id": 7, "name": "r1", "v": 0.1, "omega": -0.2},
+    {"order": "drive", "id": 7, "name": "r1", "v": 0.1, "omega": -0.2, "t": 1.7e9},
     {"order": "picture", "id": 8, "camera": "north", "on": True},
     {"order": "break", "id": 9, "kind": "delay", "target": "r1/agent", "duration": 1.0, "numbers": {"delay": 0.1}},
 ]
@@ -117,7 +117,7 @@ async def test_ten_thousand_mutated_frames(fleet: PageFleet) -> None:
     async with fleet.client() as client:
         reply = await client.order("stop")
         assert reply["receipt"]["confirmed"]
-        assert (await client.order("resume"))["outcome"] == "taken"
+        assert (await client.resume())["outcome"] == "taken"
         assert not fleet.processes["basestation"].done()
 
 
@@ -224,14 +224,13 @@ async def test_a_client_that_is_cut_off_drives_nobody(fleet: PageFleet, monkeypa
 
             async def drive() -> None:
                 while True:
-                    await client.send("drive", name="r1", v=0.2, omega=0.0)
+                    await client.drive("r1", 0.2, 0.0)
                     await asyncio.sleep(0.1)
 
             driving = asyncio.create_task(drive())
             await client.until(lambda: fleet.wheels("r1")[0] > 0.1, 10.0, "it drives")
-            assert (await other.order("drive", name="r1", v=0.1, omega=0.0))[
-                "reason"
-            ] == "r1 is driven from another page"
+            refused = await other.order("drive", name="r1", v=0.1, omega=0.0, t=other.state["t"])
+            assert refused["reason"] == "r1 is driven from another page"
             driving.cancel()
             client.socket.transport.abort()
         await other.until(lambda: fleet.wheels("r1") == (0.0, 0.0), 5.0, "zero wheels")
@@ -241,11 +240,11 @@ async def test_a_client_that_is_cut_off_drives_nobody(fleet: PageFleet, monkeypa
 async def test_a_robot_that_is_not_driven_by_hand_says_so(fleet: PageFleet) -> None:
     async with fleet.client() as client:
         await client.until(lambda: client.details("r1").get("behaviour") == "pursuit", 10.0, "a behaviour")
-        reply = await client.order("drive", name="r1", v=0.1, omega=0.0)
+        reply = await client.order("drive", name="r1", v=0.1, omega=0.0, t=client.state["t"])
         assert (reply["outcome"], reply["reason"]) == ("refused", "r1 runs pursuit: choose the behaviour manual first")
         before = len(client.replies)
         for _ in range(5):
-            await client.send("drive", name="r1", v=0.1, omega=0.0)
+            await client.drive("r1", 0.1, 0.0)
         await gets_states(client)
         assert len(client.replies) <= before + 1  # once a second is enough
 
