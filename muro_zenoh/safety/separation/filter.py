@@ -163,6 +163,8 @@ class Separation:
         if target is not None:
             queues = not patience.retreating
             velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues, clock)
+        else:
+            self._route.leave()
         ux, uy = velocity
         rows = rows_of(x, y, near)
         parked = self._route.parked if target is not None and velocity != desired else ()

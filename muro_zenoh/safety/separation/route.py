@@ -132,6 +132,10 @@ class Route:
                 return False
         return self._planner.sees(start, end)
 
+    def leave(self) -> None:
+        """There is no place to drive to any more, and no turn to wait for."""
+        self._gate, self.waits, self.parked = None, False, []
+
     def face_gate(self, state: State) -> Twist2:
         """A turn on the spot toward the gate in front of which the robot waits; none when it looks that way.
 
