@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from statistics import median
+from typing import NamedTuple
 
 from muro_zenoh.geometry import Pose2, wrap_to_pi
 
@@ -24,6 +25,36 @@ _JUMP = 0.005
 """All robots of a camera jump by this from one frame to the next: the camera moved [m]. Their brakes allow 2.5 mm."""
 _JUMP_ALONE = 0.008
 """The same for a camera that sees a single robot [m]."""
+_FAR = 0.6
+"""Farther off than this is no camera that was moved, but another print or a reflection [m]: 11 degrees at 3 m."""
+_LEAST_ERROR = (0.01, math.radians(0.3))
+"""Standard deviation of what a camera sees that was moved, at least [m, rad]."""
+
+
+class Moved(NamedTuple):
+    """A camera that was moved.
+
+    Attributes:
+        reason: how that is known, for the operator.
+        metres: standard deviation of the places that it sees [m].
+        radians: that of the headings [rad].
+    """
+
+    reason: str
+    metres: float
+    radians: float
+
+
+class _Apart(NamedTuple):
+    """What two cameras see of a robot: the time, the second's sighting less the first's, and whose place was not
+    believed, because it was too far from the other's; empty for none."""
+
+    t: float
+    x: float
+    y: float
+    theta: float
+    robot: str
+    disbelieved: str
 
 
 class Agreement:
@@ -33,17 +64,19 @@ class Agreement:
     both see, the one was whose robots all jumped at once; when neither's did, it may be either.
 
     Attributes:
-        moved: why a camera is trusted less, by its name.
+        moved: the cameras that are trusted less, by name.
     """
 
     def __init__(self) -> None:
-        self.moved: dict[str, str] = {}
-        self._apart: dict[tuple[str, str], deque[tuple[float, float, float, float]]] = {}
+        self.moved: dict[str, Moved] = {}
+        self._apart: dict[tuple[str, str], deque[_Apart]] = {}
         self._floor: dict[str, deque[tuple[float, float, float]]] = {}
         self._jumped: dict[str, float] = {}
         self._just_jumped: set[str] = set()
 
-    def compare(self, first: str, second: str, a: Pose2, b: Pose2, t: float) -> None:
+    def compare(
+        self, first: str, second: str, a: Pose2, b: Pose2, t: float, *, robot: str = "", disbelieved: str = ""
+    ) -> None:
         """Take what two cameras see of one robot at one time.
 
         Args:
@@ -52,11 +85,16 @@ class Agreement:
             a: where the first sees the robot [world].
             b: where the second does.
             t: when [s].
+            robot: its name.
+            disbelieved: which of the cameras is not believed, because the other one sees the robot elsewhere; one that
+                is far off may see another print, or a reflection.
         """
+        if disbelieved and math.dist(a[:2], b[:2]) > _FAR:
+            return
         if first > second:
             first, second, a, b = second, first, b, a
         row = self._apart.setdefault((first, second), deque(maxlen=400))
-        row.append((t, b.x - a.x, b.y - a.y, wrap_to_pi(b.theta - a.theta)))
+        row.append(_Apart(t, b.x - a.x, b.y - a.y, wrap_to_pi(b.theta - a.theta), robot, disbelieved))
 
     def see_floor(self, camera: str, off: Sequence[tuple[float, float]], t: float) -> None:
         """Take where a camera sees the tags on the floor.
@@ -81,6 +119,7 @@ class Agreement:
         """
         again = camera in self._just_jumped
         self._just_jumped.discard(camera)
+        steps = [step for step in steps if math.hypot(*step) <= _FAR]
         if again or not steps:
             return False
         dx, dy = median(step[0] for step in steps), median(step[1] for step in steps)
@@ -98,7 +137,7 @@ class Agreement:
         Args:
             now: the time [s].
         """
-        moved: dict[str, str] = {}
+        moved: dict[str, Moved] = {}
         seen: set[str] = set()
         for camera, tags in self._floor.items():
             while tags and tags[0][0] < now - _WINDOW:
@@ -110,27 +149,35 @@ class Agreement:
             # More than half of them: a tag that was kicked away is no camera that was moved, even if it is one of two.
             far = off_by[(len(off_by) - 1) // 2]
             if far >= _APART:
-                moved[camera] = (
-                    f"camera {camera} sees the floor tags {1e3 * far:.0f} mm off their places: was it moved? "
-                    "Calibrate it anew"
-                )
+                moved[camera] = _moved(f"camera {camera} sees the floor tags {1e3 * far:.0f} mm off their places", far)
         on_floor = set(moved)
         for (first, second), row in self._apart.items():
-            while row and row[0][0] < now - _WINDOW:
+            while row and row[0].t < now - _WINDOW:
                 row.popleft()
             if len(row) < _LEAST:
                 continue
-            seen |= {first, second}
             x, y, theta = (median(entry[k] for entry in row) for k in (1, 2, 3))
-            if math.hypot(x, y) < _APART and abs(theta) < _TURNED:
+            far = math.hypot(x, y)
+            if far < _APART and abs(theta) < _TURNED:
+                seen |= {first, second}
                 continue
+            a, b = self._jumped.get(first, -math.inf), self._jumped.get(second, -math.inf)
+            odd = {entry.robot for entry in row if entry.disbelieved}
+            if len(odd) == 1 and 2 * sum(bool(entry.disbelieved) for entry in row) > len(row) and a == b == -math.inf:
+                continue  # a second print of one robot's tag is no camera that was moved
+            seen |= {first, second}
             if on_floor & {first, second}:
                 continue  # it is known which one it was
-            off = f"{1e3 * math.hypot(x, y):.0f} mm and {math.degrees(abs(theta)):.1f} degrees"
-            a, b = self._jumped.get(first, -math.inf), self._jumped.get(second, -math.inf)
+            off = f"{1e3 * far:.0f} mm and {math.degrees(abs(theta)):.1f} degrees"
             blamed = (first,) if a > b else (second,) if b > a else (first, second)
             for camera in blamed:
                 other = second if camera == first else first
-                moved[camera] = f"camera {camera} is {off} off camera {other}: was it moved? Calibrate it anew"
+                moved[camera] = _moved(f"camera {camera} is {off} off camera {other}", far, abs(theta))
         # Without robots in the overlap nothing is known: what was found stays.
-        self.moved = {**{name: text for name, text in self.moved.items() if name not in seen}, **moved}
+        self.moved = {**{name: found for name, found in self.moved.items() if name not in seen}, **moved}
+
+
+def _moved(how: str, metres: float, radians: float = 0.0) -> Moved:
+    least_metres, least_radians = _LEAST_ERROR
+    reason = f"{how}: was it moved? Calibrate it anew"
+    return Moved(reason, max(metres, least_metres), max(radians, least_radians))

@@ -72,7 +72,7 @@ class Belief:
             captured: when [s].
         """
         reach = self._robots[name]
-        if not self._arena.holds(pose.x, pose.y, reach.radius):
+        if not self.in_arena(name, pose):
             return f"camera {camera} sees {name} at {pose.x:.2f}, {pose.y:.2f} m, outside the arena"
         known = self._believed.get(name)
         if known is not None:
@@ -88,6 +88,15 @@ class Belief:
         if row is not None and row.camera == camera:
             del self._elsewhere[name]
         return ""
+
+    def in_arena(self, name: str, pose: Pose2) -> bool:
+        """Whether a robot can be at a place at all.
+
+        Args:
+            name: of the robot.
+            pose: where it is seen [world].
+        """
+        return self._arena.holds(pose.x, pose.y, self._robots[name].radius)
 
     def forget(self, name: str) -> None:
         """Believe the next sighting of a robot, wherever it is.

@@ -30,8 +30,6 @@ _FAINT = 0.02
 _CALIBRATION = 0.002
 """Standard deviation of a calibration's error [m]: without it the camera with the newest picture would outweigh the
 others, and a robot would jump by the difference of their errors where another one takes the lead."""
-_MOVED = 0.01
-"""Standard deviation of what a camera sees that was moved [m]."""
 
 
 class Fix(NamedTuple):
@@ -89,7 +87,7 @@ class Fusion:
     @property
     def moved(self) -> Mapping[str, str]:
         """Why a camera is trusted less, by its name."""
-        return self._agreement.moved
+        return {camera: found.reason for camera, found in self._agreement.moved.items()}
 
     def take(self, seen: Sightings, now: float) -> list[Fix]:
         """The fixes that a frame gives.
@@ -100,9 +98,14 @@ class Fusion:
         """
         camera, t = seen.camera, seen.captured
         self._pace(camera, t, now)
-        believed = [sighting for sighting in seen.robots if self._believe(sighting, camera, t)]
+        believed, elsewhere = [], []
+        for sighting in seen.robots:
+            if self._believe(sighting, camera, t):
+                believed.append(sighting)
+            elif self._belief.in_arena(sighting.name, sighting.pose):
+                elsewhere.append(sighting)
         steps = []
-        for sighting in believed:
+        for sighting in (*believed, *elsewhere):
             expected = self._expected(camera, sighting.name, t)
             if expected is not None:
                 steps.append((sighting.pose.x - expected.x, sighting.pose.y - expected.y))
@@ -116,6 +119,8 @@ class Fusion:
                 tracks[camera] = Track(sighting, t)
             if self._leads(camera, sighting.name, t):
                 fixes.append(self._fuse(camera, sighting.name, t))
+        for sighting in elsewhere:
+            self._compare_disbelieved(sighting, camera, t)
         self._agreement.see_floor(camera, seen.floor_off, t)
         self._agreement.judge(t)
         return fixes
@@ -141,11 +146,25 @@ class Fusion:
         self._newest[camera] = t
 
     def _believe(self, sighting: Sighting, camera: str, t: float) -> bool:
-        doubt = self._belief.doubt(sighting.name, camera, sighting.pose, t)
+        name, moved = sighting.name, self._agreement.moved
+        doubt = self._belief.doubt(name, camera, sighting.pose, t)
+        if doubt and camera not in moved and self._leader.get(name) in moved:
+            # Only the camera that was moved has seen it lately: what it says must not keep the good one out.
+            self._belief.forget(name)
+            self._tracks.pop(name, None)
+            self._leader.pop(name)
+            doubt = self._belief.doubt(name, camera, sighting.pose, t)
         if doubt:
             self.disbelieved += 1
             self.doubts[camera, sighting.name] = f"{doubt}: not believed", t
         return not doubt
+
+    def _compare_disbelieved(self, sighting: Sighting, camera: str, t: float) -> None:
+        """A camera that was moved far is not believed where another one sees its robots: that is how it is known."""
+        for other, track in self._tracks.get(sighting.name, {}).items():
+            there = track.at(t) if other != camera and abs(t - track.captured) <= _TOGETHER else None
+            if there is not None:
+                self._agreement.compare(camera, other, sighting.pose, there, t, robot=sighting.name, disbelieved=camera)
 
     def _expected(self, camera: str, name: str, t: float) -> Pose2 | None:
         """Where a camera would see a robot that goes on as before."""
@@ -179,7 +198,7 @@ class Fusion:
             moved_on = track.at(t) or _carried(track, own.speed, t)
             if moved_on is None:
                 continue
-            self._agreement.compare(camera, other, own.sighting.pose, moved_on, t)
+            self._agreement.compare(camera, other, own.sighting.pose, moved_on, t, robot=name)
             spread = 0.5 * _ACCELERATION * (t - track.captured) ** 2
             shares.append(
                 _Share(other, moved_on, track.sighting.covariance, self._weight(other, track.sighting, spread))
@@ -187,7 +206,8 @@ class Fusion:
         return Fix(name, *self._mean(shares), tuple(share.camera for share in shares))
 
     def _weight(self, camera: str, sighting: Sighting, spread: float) -> float:
-        distrust = _MOVED if camera in self._agreement.moved else 0.0
+        moved = self._agreement.moved.get(camera)
+        distrust = moved.metres if moved is not None else 0.0
         noise = 0.5 * (sighting.covariance[0] + sighting.covariance[4])
         variance = noise + _CALIBRATION**2 + spread * spread + distrust * distrust
         return max(sighting.inside, _FAINT) / variance
@@ -203,9 +223,10 @@ class Fusion:
             turn += part * wrap_to_pi(pose.theta - first.theta)
             square = part * part
             covariance = [known + square * entry for known, entry in zip(covariance, spread, strict=True)]
-        if len(shares) == 1 and shares[0].camera in self._agreement.moved:
+        moved = self._agreement.moved.get(shares[0].camera)
+        if len(shares) == 1 and moved is not None:
             for diagonal in (0, 4):
-                covariance[diagonal] += _MOVED * _MOVED
+                covariance[diagonal] += moved.metres * moved.metres
         return Pose2(x, y, wrap_to_pi(first.theta + turn)), tuple(covariance)
 
     def _period_of(self, camera: str) -> float:

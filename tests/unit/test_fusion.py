@@ -192,6 +192,48 @@ class TestAMovedCamera:
         # Where the other camera sees the robot well it decides.
         assert np.median(errors) < 0.005
 
+    @pytest.mark.parametrize("which", ["west", "east"])
+    def test_one_that_was_moved_far_is_named_and_the_good_one_goes_on_being_believed(self, which: str) -> None:
+        """By 3 degrees: its robots are not believed, so that nothing but what is not believed shows it.
+
+        One robot drives to and fro between the cameras: where the bumped one alone has seen it, the good one must be
+        believed again.
+        """
+        eyes = [west(), east()]
+        bumped = next(eye for eye in eyes if eye.name == which)
+        good = next(eye for eye in eyes if eye.name != which)
+        bumped.bumped, bumped.bumped_at = (0.12, 0.10, 0.05), 5.0
+        ways = {"r1": self.round_about(0.0), "r2": self.round_about(1.7), "r3": to_and_fro}
+        fusion = Fusion(ARENA, dict.fromkeys(ways, REACH))
+        named, errors, doubted = math.inf, [], 0
+        for now, eye, captured in frames(eyes, 40.0):
+            fixes = fusion.take(eye.look(captured, ways), now)
+            if captured > 8.0:
+                errors += [
+                    math.dist(fix.pose[:2], ways[fix.name](captured)[:2])
+                    for fix in fixes
+                    if good.inside(ways[fix.name](captured).x) > 0.5
+                ]
+                doubted += any(camera == good.name and t > 8.0 for (camera, _), (_, t) in fusion.doubts.items())
+            if fusion.moved:
+                named = min(named, captured)
+                assert set(fusion.moved) == {which}
+        assert named - 5.0 < 2.0
+        assert set(fusion.moved) == {which}
+        assert len(errors) > 1000
+        assert max(errors) < 0.005
+        assert not doubted
+
+    def test_a_second_print_of_one_robots_tag_is_no_camera_that_moved(self) -> None:
+        fusion = Fusion(ARENA, dict.fromkeys(("r1", "r2"), REACH))
+        for k in range(200):
+            t = 0.025 * k
+            there = (Pose2(0.0, 0.5, 0.0), Pose2(0.2, 0.4, 0.3))[k % 2]
+            robots = (Sighting("r1", there, COVARIANCE),)
+            fusion.take(Sightings(camera=("west", "east")[k % 2], captured=t, robots=robots), t)
+            assert not fusion.moved
+        assert fusion.disbelieved == 100
+
     def test_its_jump_is_no_motion_of_the_robots(self) -> None:
         """Taken for their speed, it would count twice in the next fixes."""
 
