@@ -104,12 +104,17 @@ class Fusion:
                 believed.append(sighting)
             elif self._belief.in_arena(sighting.name, sighting.pose):
                 elsewhere.append(sighting)
-        steps = []
+        steps, long_steps = [], []
         for sighting in (*believed, *elsewhere):
             expected = self._expected(camera, sighting.name, t)
             if expected is not None:
                 steps.append((sighting.pose.x - expected.x, sighting.pose.y - expected.y))
+            track = self._tracks.get(sighting.name, {}).get(camera)
+            foreseen = track.foreseen(t) if track is not None else None
+            if foreseen is not None:
+                long_steps.append((sighting.pose.x - foreseen.x, sighting.pose.y - foreseen.y))
         moved = self._agreement.jumped(camera, steps, t)
+        self._agreement.drifted(camera, long_steps, t)
         fixes = []
         for sighting in believed:
             tracks = self._tracks.setdefault(sighting.name, {})
