@@ -294,6 +294,22 @@ class TestAMovedCamera:
         assert all(covariance[0] == COVARIANCE[0] for t, covariance in alone.items() if t < 2.0)
         assert all(covariance[0] > 9e-5 < covariance[4] for t, covariance in alone.items() if t > 4.5)
 
+    def test_where_both_may_have_been_moved_the_fix_of_both_is_uncertain_too(self) -> None:
+        """Half of each: 10 mm and 0.3 degrees are 7 mm and 0.2 degrees then, and not the noise of the corners."""
+
+        def still(t: float) -> Pose2:
+            return Pose2(0.0, 0.5, 1.0)
+
+        eyes = [west(), east()]
+        eyes[0].bias = (0.012, 0.010, 0.0)
+        fusion, given = fixes_of(eyes, {"r1": still}, 4.0)
+        assert set(fusion.moved) == {"west", "east"}
+        _, _, fix = given[-1]
+        assert len(fix.cameras) == 2
+        assert 0.006 < math.sqrt(fix.covariance[0]) < 0.012
+        assert math.sqrt(fix.covariance[4]) == pytest.approx(math.sqrt(fix.covariance[0]), rel=0.01)
+        assert math.radians(0.2) < math.sqrt(fix.covariance[8]) < math.radians(0.4)
+
     def test_robots_that_are_pushed_apart_are_no_camera_that_moved(self) -> None:
         agreement = Agreement()
         assert agreement.jumped("north", [(0.02, 0.001), (0.021, 0.0), (0.02, -0.001)], 1.0)
