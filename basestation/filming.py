@@ -91,22 +91,27 @@ class Filming:
         while True:
             try:
                 source = await call(self._open)
+                opened = self._bus.clock.now()  # what a device counts its time from
             except CameraError as error:
                 self._note(str(error))
                 await asyncio.sleep(_RETRY)
                 continue
             try:
-                begin = loop.time()
+                begin = fresh = loop.time()
                 while True:
                     shot = await call(source.read)
-                    captured = self._bus.clock.now()
                     if shot is None:
                         return
                     if source.length is not None:  # a recording: in its own time
                         await asyncio.sleep(begin + shot.t - loop.time())
                         captured = self._bus.clock.now()
+                    else:
+                        captured = min(opened + shot.t, self._bus.clock.now())
                     frame = await call(self._frame, shot.image, captured)
+                    if frame is None and source.length is None and loop.time() - fresh > _SILENT:
+                        raise CameraError(f"camera {self._name}: no new picture, the same one again. Is it stuck?")
                     if frame is not None:
+                        fresh = loop.time()
                         self._frames.put(frame)
                         self.published += 1
                         self._good_at = self._bus.clock.now()

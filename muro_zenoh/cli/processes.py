@@ -169,7 +169,12 @@ def _shown(source: Callable[[], FrameSource], scenario: Scenario, name: str) -> 
     from basestation.showing import Screen, Shown
 
     screen = Screen(f"camera {name}", Path(f"{name}.png"))
-    return lambda: Shown(source(), Eye(scenario, name), screen)
+
+    def opened() -> FrameSource:
+        eye = Eye(scenario, name)  # takes a moment; the source's time begins when it is open
+        return Shown(source(), eye, screen)
+
+    return opened
 
 
 @click.command(epilog=example("muro sim pursuit --seed 3"))
