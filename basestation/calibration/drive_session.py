@@ -16,8 +16,7 @@ from basestation.calibration.floor_error import FloorError
 from basestation.calibration.lens_prior import LensPrior
 from basestation.calibration.shared_map import shared_error
 from basestation.calibration.sources import floor_tag
-from basestation.calibration.tag_tracks import Seen, TagSearch, knots_of, load_tags, look_for_tags, save_tags
-from basestation.localization.detector import TagDetector
+from basestation.calibration.tag_tracks import Seen, knots_of, load_tags, look_for_tags, make_search, save_tags
 from basestation.sources.recordings import open_recording
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import CalibrationError, ConfigError
@@ -93,7 +92,7 @@ class DriveSession:
             raise ConfigError("--recording", got=repr(camera), expected=f"one of {', '.join(self.scenario.camera)}")
         source = open_recording(path, rate)
         try:
-            search = TagSearch(TagDetector(self.scenario.camera[camera].family), self.mount.id)
+            search = make_search(self.scenario, camera, self.mount.id)
             return look_for_tags(camera, source, search, seconds, on_picture)
         finally:
             source.close()

@@ -250,7 +250,10 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, bus: BusFlags
         f"at the tags' height the map is wrong by less than {1e3 * error.worst:.1f} mm (95 %)",
     )
     _show(error, facts, result.inflation)
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError("--out", got=f"{out} ({error.strerror})", expected="a folder that can be written") from None
     for k, (name, camera) in enumerate(result.cameras.items()):
         block = slice(15 * k, 15 * k + 15)
         before = session.scenario.camera[name].calibration
@@ -271,6 +274,8 @@ def _watch(session: DriveSession, settings: BusSettings, seconds: float) -> list
     from muro_zenoh.transport import open_bus
 
     cameras = session.scenario.camera
+    if not cameras:
+        raise ConfigError("--fleet", got="a fleet without cameras", expected="[camera.NAME], to watch the drive")
     click.echo(f"watching {', '.join(cameras)} for {seconds:g} s: drive {session.robot} all over the floor")
 
     async def watch(advance: Callable[[], None]) -> list[Seen]:
