@@ -99,7 +99,13 @@ class Filming:
             try:
                 begin = fresh = loop.time()
                 while True:
-                    shot = await call(source.read)
+                    try:
+                        shot = await call(source.read)
+                    except CameraError as error:
+                        if source.length is None:
+                            raise
+                        self._note(str(error))  # of a recording the other pictures are good
+                        continue
                     if shot is None:
                         return
                     if source.length is not None:  # a recording: in its own time

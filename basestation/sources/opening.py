@@ -26,13 +26,17 @@ def opener(scenario: Scenario, name: str, device: str | None, recording: Path | 
         A function that opens it; it raises a CameraError when that is not possible.
 
     Raises:
-        ConfigError: the settings have no such camera.
+        ConfigError: the settings have no such camera, or there is no such recording.
     """
     if name not in scenario.camera:
         known = ", ".join(scenario.camera) or "none: the fleet has no camera"
         raise ConfigError("NAME", got=repr(name), expected=f"one of {known}")
     settings = scenario.camera[name]
     if recording is not None:
+        if not recording.exists():
+            raise ConfigError(
+                "--recording", got=str(recording), expected="a video or a directory of images: no such file"
+            )
         return partial(open_recording, recording, settings.rate)
     given = device or "0"
     which = int(given) if given.isdigit() else given

@@ -44,6 +44,7 @@ class Fake:
     """
 
     length: int | None = None
+    rate = 20.0
 
     def __init__(self) -> None:
         self.name = "fake"
@@ -248,11 +249,27 @@ def test_a_recording_is_played_in_its_own_time_and_ends(tmp_path: Path) -> None:
     run_virtually(main())
 
 
+def test_a_damaged_picture_does_not_end_a_recording(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    rng = np.random.default_rng(0)
+    for k in range(5):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), rng.integers(0, 255, SIZE[::-1], dtype=np.uint8))
+    (tmp_path / "2.png").write_bytes(b"\x89PNG")
+
+    async def main() -> None:
+        async with make_bus(MemoryNetwork().link(), clock=VirtualClock()) as bus:
+            camera = Filming(bus, "north", SIZE, 0, lambda: ImageDirectory(tmp_path, 10.0), InlineExecutor(), CLOCKS)
+            await camera.run()
+            assert camera.published == 4
+
+    run_virtually(main())
+    assert "2.png: got a file that is no image" in caplog.text
+
+
 def test_what_is_to_be_opened() -> None:
     lab = parse_scenario({"robots": 1, "camera": {"north": {}}}, "lab.toml", name="lab")
     with pytest.raises(ConfigError, match="NAME: got 'south', expected one of north"):
         opener(lab, "south", None, None)
-    with pytest.raises(CameraError, match="no such file"):
-        opener(lab, "north", None, Path("nowhere.mp4"))()
+    with pytest.raises(ConfigError, match=r"--recording: got nowhere\.mp4, expected a video or a directory"):
+        opener(lab, "north", None, Path("nowhere.mp4"))
     with pytest.raises(CameraError, match="device /dev/video99: got no camera"):
         opener(lab, "north", "/dev/video99", None)()
