@@ -252,8 +252,8 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, bus: BusFlags
     _show(error, facts, result.inflation)
     try:
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError("--out", got=f"{out} ({error.strerror})", expected="a folder that can be written") from None
+    except OSError as problem:
+        raise ConfigError("--out", got=f"{out} ({problem.strerror})", expected="a folder that can be written") from None
     for k, (name, camera) in enumerate(result.cameras.items()):
         block = slice(15 * k, 15 * k + 15)
         before = session.scenario.camera[name].calibration

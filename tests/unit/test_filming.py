@@ -142,6 +142,30 @@ def test_the_time_of_a_picture_is_when_it_was_taken_not_when_it_had_been_looked_
     run_virtually(main())
 
 
+@pytest.mark.parametrize(("limit", "quality"), [(1000.0, 85), (80.0, None), (2.0, 40)])
+def test_what_is_sent_stays_below_its_limit(limit: float, quality: int | None) -> None:
+    """Pictures of noise, 3.7 kB at 85, 20 times a second: worse ones when that is too much, and then fewer."""
+
+    async def main() -> None:
+        network, clock = MemoryNetwork(), VirtualClock()
+        async with make_bus(network.link(), clock=clock) as bus:
+            frames, health = bus.every(channels.CAMERA, "north", depth=1024), bus.latest(channels.HEALTH, "north")
+            camera = Filming(bus, "north", SIZE, 85, Fake().open, Paced(), CLOCKS, limit)
+            task = asyncio.create_task(camera.run())
+            await asyncio.sleep(10.2)
+            task.cancel()
+            await asyncio.wait({task})
+            sent = 1e-3 * sum(len(frame.message.data) for frame in frames.drain())
+            assert 0.3 * min(limit, 40.0) * 10.0 < sent < limit * 10.5
+            received = health.get()
+            assert received is not None
+            assert 0.0 < received.message.numbers["kB_s"] <= limit
+            assert received.message.reasons == ()
+            assert quality in (None, camera._bandwidth.quality)
+
+    run_virtually(main())
+
+
 def test_its_clock_is_compared_with_the_base_stations() -> None:
     """A link that is slow from the first picture on would else count as quick."""
 
