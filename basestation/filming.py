@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
 
 import numpy as np
 
+from basestation.bandwidth import Bandwidth
 from basestation.sources.source import FrameSource, Picture
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -45,6 +47,7 @@ class Filming:
         open_source: opens the source; it and the source are called in the executor.
         executor: with one thread.
         clocks: above which differences from the base station's clock there is a complaint.
+        bandwidth: limit of what is sent [kB/s]: above it pictures become worse, and then fewer.
 
     Attributes:
         published: number of pictures published.
@@ -59,12 +62,14 @@ class Filming:
         open_source: Callable[[], FrameSource],
         executor: Executor,
         clocks: ClockSettings,
+        bandwidth: float = math.inf,
     ) -> None:
         self.published = 0
         self._bus = bus
         self._name = name
         self._size = size
-        self._quality = quality
+        self._raw = quality == 0
+        self._bandwidth = Bandwidth(quality, bandwidth)
         self._open = open_source
         self._executor = executor
         self._frames = bus.publisher(channels.CAMERA, name)
@@ -91,24 +96,36 @@ class Filming:
         while True:
             try:
                 source = await call(self._open)
+                opened = self._bus.clock.now()  # what a device counts its time from
             except CameraError as error:
                 self._note(str(error))
                 await asyncio.sleep(_RETRY)
                 continue
             try:
-                begin = loop.time()
+                begin = fresh = loop.time()
                 while True:
-                    shot = await call(source.read)
-                    captured = self._bus.clock.now()
+                    try:
+                        shot = await call(source.read)
+                    except CameraError as error:
+                        if source.length is None:
+                            raise
+                        self._note(str(error))  # of a recording the other pictures are good
+                        continue
                     if shot is None:
                         return
                     if source.length is not None:  # a recording: in its own time
                         await asyncio.sleep(begin + shot.t - loop.time())
                         captured = self._bus.clock.now()
+                    else:
+                        captured = min(opened + shot.t, self._bus.clock.now())
                     frame = await call(self._frame, shot.image, captured)
+                    if frame is None and source.length is None and loop.time() - fresh > _SILENT:
+                        raise CameraError(f"camera {self._name}: no new picture, the same one again. Is it stuck?")
                     if frame is not None:
-                        self._frames.put(frame)
-                        self.published += 1
+                        fresh = loop.time()
+                        if self._bandwidth.takes(len(frame.data), self._bus.clock.now()):
+                            self._frames.put(frame)
+                            self.published += 1
                         self._good_at = self._bus.clock.now()
                         self._note("")
             except CameraError as error:
@@ -130,9 +147,8 @@ class Filming:
         if self._last is not None and np.array_equal(image, self._last):
             return None  # no sensor gives the same bytes twice
         self._last = image
-        raw = self._quality == 0
-        data = image.tobytes() if raw else encode_jpeg(image, self._quality)
-        return Frame(stamp=captured, width=width, height=height, format="grey" if raw else "jpeg", data=data)
+        data = image.tobytes() if self._raw else encode_jpeg(image, self._bandwidth.quality)
+        return Frame(stamp=captured, width=width, height=height, format="grey" if self._raw else "jpeg", data=data)
 
     def _note(self, trouble: str) -> None:
         """Log the beginning and the end of trouble."""
@@ -154,7 +170,12 @@ class Filming:
             if reasons != said or now >= due:
                 said, due = reasons, now + channels.HEALTH.period
                 state = "waiting" if reasons else "filming"
-                numbers = {"frames": float(self.published), **self._clock.numbers(), **self._bus.numbers()}
+                numbers = {
+                    "frames": float(self.published),
+                    "kB_s": round(self._bandwidth.used(now), 1),
+                    **self._clock.numbers(),
+                    **self._bus.numbers(),
+                }
                 complaints = self._clock.complaints()
                 self._health.put(
                     Health(role=Role.CAMERA, state=state, reasons=reasons, complaints=complaints, numbers=numbers)
@@ -162,7 +183,13 @@ class Filming:
             await asyncio.sleep(_LOOK)
 
 
-async def run_camera(scenario: Scenario, name: str, open_source: Callable[[], FrameSource], quality: int) -> None:
+async def run_camera(
+    scenario: Scenario,
+    name: str,
+    open_source: Callable[[], FrameSource],
+    quality: int,
+    bandwidth: float = math.inf,
+) -> None:
     """The camera's process.
 
     Args:
@@ -170,6 +197,7 @@ async def run_camera(scenario: Scenario, name: str, open_source: Callable[[], Fr
         name: of the camera.
         open_source: opens what takes the pictures.
         quality: of the JPEG, 1 to 100; 0 for raw grey frames.
+        bandwidth: limit of what is sent [kB/s].
 
     Raises:
         NotConnected: no router answered.
@@ -178,7 +206,7 @@ async def run_camera(scenario: Scenario, name: str, open_source: Callable[[], Fr
     size = settings.width, settings.height
     with worker_threads(1, "camera") as threads:
         async with open_bus(scenario.bus, Role.CAMERA) as bus:
-            filming = Filming(bus, name, size, quality, open_source, threads, scenario.clocks)
+            filming = Filming(bus, name, size, quality, open_source, threads, scenario.clocks, bandwidth)
             bus.announce(Role.CAMERA, name)
             ready("camera", name)
             await filming.run()

@@ -31,7 +31,10 @@ class PosesFile:
         self._path = path
 
     def __enter__(self) -> PosesFile:
-        self._file: IO[str] = self._path.open("w", newline="")
+        try:
+            self._file: IO[str] = self._path.open("w", newline="")
+        except OSError as error:
+            raise CameraError(f"{self._path}: cannot be written ({error.strerror}). Choose another --out") from error
         self._rows = csv.writer(self._file)
         self._rows.writerow(COLUMNS)
         return self

@@ -75,7 +75,7 @@ class Shown:
     """
 
     def __init__(self, source: FrameSource, eye: Eye, screen: Screen) -> None:
-        self.name, self.length = source.name, source.length
+        self.name, self.length, self.rate = source.name, source.length, source.rate
         self._source = source
         self._eye = eye
         self._screen = screen

@@ -240,6 +240,7 @@ LIMITS: dict[str, dict[str, float]] = {
     "arena": {"worst_cell_mm": 5.0},
     "drive": {"worst_cell_mm": 3.0},
 }
+DETECTED = 0.99
 ALWAYS = {"hand_over_mm_p99": 5.0, "false": 0}
 
 
@@ -257,8 +258,16 @@ def main() -> None:
         limit = f"  (goal: at most {limits[key]:g})" if key in limits else ""
         print(f"{key:18} {value}{limit}")
     if given.json:
-        given.json.write_text(json.dumps(report, indent=2) + "\n")
-    sys.exit(any(report[key] > limit for key, limit in limits.items()) or report["detected"] < 0.99)
+        given.json.write_text(json.dumps([{"calibration": given.calibration, **report}], indent=2) + "\n")
+    problems = [
+        f"{key} is {report[key]}, expected at most {limit:g}"
+        for key, limit in limits.items()
+        if not report[key] <= limit
+    ]
+    if report["detected"] < DETECTED:
+        problems.append(f"detected is {report['detected']}, expected at least {DETECTED:g}")
+    print("\n".join(f"missed: {problem}" for problem in problems) or "all goals met")
+    sys.exit(bool(problems))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ cropped at most 0.15 of the bare time, full at most 0.6 of it, both with at most
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import time
@@ -32,12 +31,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from basestation.localization.detector import TagDetector
 from basestation.localization.floor_map import FloorMap
 from basestation.localization.frames import decode_frame
 from basestation.localization.localizer import Localizer
 from basestation.localization.markers import Marker, Picture
 from basestation.localization.sightings import Sighting
+from benchmarks.support.rows import write
 from muro_zenoh.geometry import Bounds, TagMount
 from muro_zenoh.optics.camera_model import hung
 from muro_zenoh.optics.jpeg import encode_jpeg
@@ -228,11 +230,7 @@ def main() -> None:
         print(line)
     problems = missed(rows)
     print("\n".join(f"missed: {problem}" for problem in problems) or "all goals met")
-    if given.json:
-        given.json.write_text(
-            json.dumps({"opencv": cv2.__version__, "rows": [asdict(r) for r in rows if r.method != "render"]}, indent=2)
-            + "\n"
-        )
+    write(given.json, [asdict(row) for row in rows if row.method != "render"])
     sys.exit(bool(problems))
 
 

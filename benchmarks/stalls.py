@@ -65,6 +65,14 @@ class Row:
         """Whether it was the network that the camera waited for."""
         return self.longest_wait > max(LIMIT, self.longest_of_other)
 
+    @property
+    def verdict(self) -> str:
+        """The longest put beside the goal, in words."""
+        if self.longest <= LIMIT:
+            return f"the longest put took {self.longest:g} ms, of at most {LIMIT:g}"
+        waited = f"the thread waited for at most {self.longest_wait:g} ms in one, of at most {LIMIT:g}"
+        return f"the longest put took {self.longest:g} ms ({self.longest_of_other:g} of the other camera); {waited}"
+
 
 class Put(NamedTuple):
     """How long a put took [ms], and whether its thread waited in it."""
@@ -171,6 +179,8 @@ def main() -> None:
             print("  ".join(f"{key} {value}" for key, value in asdict(rows[-1]).items()), flush=True)
     if given.json:
         given.json.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
+    for row in rows:
+        print(f"{'missed' if row.missed else 'met'}: {row.frozen} frozen, {row.picture}: {row.verdict}")
     sys.exit(any(row.missed for row in rows))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -35,6 +36,8 @@ _SIZE_OFF: Final = 0.05
 """Greatest relative difference between two measures of the scale: the tag's side, a distance, a camera's height."""
 _OUTLIER: Final = 5.0
 """A place is left out when its corners are off by so many times what they are in the middle of all places."""
+_KNOWN_OFF: Final = 0.005
+"""Known cameras that differ by more than this, in the middle of the places that one sees, contradict each other [m]."""
 _ORIGIN: Final = Pose2(0.0, 0.0, 0.0)
 _MODEL: Final = 4.0
 """Root mean square error of the corners that no model may exceed, in standard deviations."""
@@ -92,8 +95,8 @@ def fit_drive(
         floor: where the halves of the drive are compared [world].
 
     Raises:
-        CalibrationError: a drive that is too short, places that contradict each other, measures of the scale that do,
-            or a scale that nothing but the tag's size says.
+        CalibrationError: a drive that is too short, places that contradict each other, known cameras or measures of the
+            scale that do, or a scale that nothing but the tag's size says.
     """
     if distance is None and not heights:
         raise CalibrationError(
@@ -110,6 +113,7 @@ def fit_drive(
     state = result.state
     cameras = dict(zip(bundle.names, state.cameras, strict=True))
     if known:
+        _check_known(cameras, known, floor, height)
         # The adjustment kept the frame of the tag's first place, which turns it by that one view's error.
         pose = _frame_of(cameras, knots, known, start, floor, height)
         cameras = {name: in_frame(camera, pose) for name, camera in cameras.items()}
@@ -127,19 +131,45 @@ def _frame_of(
     cameras: Mapping[str, Camera], knots: Knots, known: Mapping[str, Camera], start: Pose2, floor: Bounds, height: float
 ) -> Pose2:
     """The pose of the cameras' frame in the world."""
-    x, y = cells_of(floor, 0.25)
-    places = grid(x, y)
     old, new = [], []
     for name, camera in known.items():
-        mine = places[seen(camera, places, height)]
-        pixels = project(camera, np.insert(mine, 2, height, axis=1)).pixels
+        mine, there = _in_both(cameras[name], camera, floor, height)
         new.append(mine)
-        old.append(FloorMap(cameras[name].model).to_metres(pixels, height))
+        old.append(there)
     if old:
         return match(np.concatenate(old), np.concatenate(new))
     name = next(name for name in cameras if knots.seen(name)[0])
     first = tag_poses(cameras[name], knots.corners[name][:1], height)[0]
     return start.compose(first.inverse())
+
+
+def _in_both(found: Camera, known: Camera, floor: Bounds, height: float) -> tuple[Array, Array]:
+    """Places that a known camera sees, and where the one that was found has them, (N, 2) each."""
+    places = grid(*cells_of(floor, 0.25))
+    mine = places[seen(known, places, height)]
+    pixels = project(known, np.insert(mine, 2, height, axis=1)).pixels
+    return mine, FloorMap(found.model).to_metres(pixels, height)
+
+
+def _check_known(cameras: Mapping[str, Camera], known: Mapping[str, Camera], floor: Bounds, height: float) -> None:
+    """Known cameras that do not fit together: one was moved, and would take the whole map with it."""
+    frames: dict[str, tuple[Array, Pose2]] = {}
+    for name, camera in known.items():
+        mine, there = _in_both(cameras[name], camera, floor, height)
+        frames[name] = there, match(there, mine)
+    apart = {}
+    for (a, (places, one)), (b, (others, two)) in combinations(frames.items(), 2):
+        points = np.concatenate((places, others)) @ (1.0, 1j)
+        moved = [np.exp(1j * frame.theta) * points + complex(frame.x, frame.y) for frame in (one, two)]
+        apart[a, b] = float(np.median(np.abs(moved[0] - moved[1])))
+    worst = max(apart, key=apart.__getitem__, default=None)
+    if worst is not None and apart[worst] > _KNOWN_OFF:
+        a, b = worst
+        raise CalibrationError(
+            f"the calibrations of {a} and {b} are {1e3 * apart[worst]:.0f} mm apart, expected at most "
+            f"{1e3 * _KNOWN_OFF:.0f} mm: one of them was moved. Say which one was not, and how the map lies is taken "
+            f"from that one: --frame {a} or --frame {b}"
+        )
 
 
 def _check_drive(priors: Mapping[str, LensPrior], knots: Knots, robot: str) -> None:

@@ -16,8 +16,7 @@ from basestation.calibration.floor_error import FloorError
 from basestation.calibration.lens_prior import LensPrior
 from basestation.calibration.shared_map import shared_error
 from basestation.calibration.sources import floor_tag
-from basestation.calibration.tag_tracks import Seen, TagSearch, knots_of, load_tags, look_for_tags, save_tags
-from basestation.localization.detector import TagDetector
+from basestation.calibration.tag_tracks import Seen, knots_of, load_tags, look_for_tags, make_search, save_tags
 from basestation.sources.recordings import open_recording
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import CalibrationError, ConfigError
@@ -39,9 +38,11 @@ class DriveSession:
         heights: of cameras above the floor, measured [m].
         distance: numbers of two floor tags, and the distance of their middles, measured [m].
         start: where the robot's base is when it is seen first [world].
+        frame: the camera whose calibration says how the map lies; by default all that have one do, and must agree.
 
     Raises:
-        ConfigError: an unknown robot or camera, a robot without a tag, a camera without a lens.
+        ConfigError: an unknown robot or camera, a robot without a tag, a camera without a lens, or one for the frame
+            without a calibration.
     """
 
     def __init__(
@@ -53,12 +54,15 @@ class DriveSession:
         heights: Mapping[str, float],
         distance: tuple[int, int, float] | None,
         start: Pose2,
+        frame: str | None = None,
     ) -> None:
         if robot not in scenario.robot:
             raise ConfigError("robot", got=repr(robot), expected=f"one of {', '.join(scenario.robot)}")
-        for name in (*lenses, *heights):
+        for name in (*lenses, *heights, *(() if frame is None else (frame,))):
             if name not in scenario.camera:
                 raise ConfigError("camera", got=repr(name), expected=f"one of {', '.join(scenario.camera)}")
+        if frame is not None and scenario.camera[frame].calibration is None:
+            raise ConfigError("--frame", got=f"{frame!r}, which has no calibration", expected="a camera that has one")
         if scenario.robot[robot].tag is None:
             raise ConfigError(f"robot.{robot}.tag", got="no tag", expected="the id of its tag")
         self.scenario = scenario
@@ -67,6 +71,7 @@ class DriveSession:
         self._lenses = lenses
         self._heights = heights
         self._distance = distance
+        self._frame = frame
         self._start = start.compose(self.mount.pose)
 
     def look(self, camera: str, path: Path, rate: float, seconds: float, on_picture: Callable[[], None]) -> list[Seen]:
@@ -87,7 +92,7 @@ class DriveSession:
             raise ConfigError("--recording", got=repr(camera), expected=f"one of {', '.join(self.scenario.camera)}")
         source = open_recording(path, rate)
         try:
-            search = TagSearch(TagDetector(self.scenario.camera[camera].family), self.mount.id)
+            search = make_search(self.scenario, camera, self.mount.id)
             return look_for_tags(camera, source, search, seconds, on_picture)
         finally:
             source.close()
@@ -162,7 +167,9 @@ class DriveSession:
         return prior
 
     def _known(self, names: list[str]) -> dict[str, Camera]:
-        given = {name: self.scenario.camera[name].calibration for name in names}
+        if self._frame is not None and self._frame not in names:
+            raise CalibrationError(f"camera {self._frame} of --frame saw no tag, expected it to see {self.robot}")
+        given = {name: self.scenario.camera[name].calibration for name in names if self._frame in (None, name)}
         return {name: placed_camera(settings) for name, settings in given.items() if settings is not None}
 
     def _measured(self, rows: list[Seen], names: list[str]) -> Distance | None:

@@ -14,6 +14,7 @@ from basestation.calibration.edges import on_edges
 from basestation.localization.detector import TagDetector
 from basestation.localization.markers import Marker, Picture
 from basestation.sources.source import FrameSource
+from muro_zenoh.config import Scenario
 from muro_zenoh.errors import CalibrationError, CameraError
 
 Array = NDArray[np.float64]
@@ -51,9 +52,13 @@ class TagSearch:
     Args:
         detector: finds the tags.
         wanted: number of the tag that drives.
+        camera: that takes the pictures, for errors.
+        size: width and height of them, for which its lens is [px].
     """
 
-    def __init__(self, detector: TagDetector, wanted: int) -> None:
+    def __init__(self, detector: TagDetector, wanted: int, camera: str, size: tuple[int, int]) -> None:
+        self._camera = camera
+        self._size = size
         self._detector = detector
         self._wanted = wanted
         self._last: list[Marker] = []
@@ -64,12 +69,37 @@ class TagSearch:
 
         Args:
             image: (height, width), grey.
+
+        Raises:
+            CalibrationError: a picture of another size than the lens is for.
         """
+        height, width = image.shape
+        if (width, height) != self._size:
+            raise CalibrationError(
+                f"camera {self._camera}: got pictures of {width} x {height} pixels, expected {self._size[0]} x "
+                f"{self._size[1]}, which its lens is for. Record with the resolution that the camera runs with"
+            )
         whole = self._count % _SEARCH_EVERY == 0
         self._count += 1
-        markers = self._detector.detect(image) if whole else self._detector.detect_near(image, self._last)
+        markers = self._detector.detect(image, wanted=1) if whole else self._detector.detect_near(image, self._last)
         self._last = [marker for marker in markers if marker.id == self._wanted]
         return [sharp for marker in markers if (sharp := on_edges(image, marker)) is not None]
+
+
+def make_search(scenario: Scenario, camera: str, wanted: int) -> TagSearch:
+    """The search of a camera's pictures, with the detector that its settings choose.
+
+    Args:
+        scenario: the fleet's settings.
+        camera: its name.
+        wanted: number of the tag that drives.
+
+    Raises:
+        MissingExtra: the library of its detector is not installed.
+    """
+    settings = scenario.camera[camera]
+    detector = TagDetector(settings.family, settings.detector)
+    return TagSearch(detector, wanted, camera, (settings.width, settings.height))
 
 
 def look_for_tags(
@@ -83,6 +113,9 @@ def look_for_tags(
         search: finds the tags.
         seconds: to look at, at most [s].
         on_picture: called after each picture.
+
+    Raises:
+        CalibrationError: pictures of another size than the lens is for.
     """
     found: list[Seen] = []
     while True:
@@ -102,13 +135,19 @@ def save_tags(path: Path, rows: Iterable[Seen]) -> None:
     Args:
         path: the file.
         rows: what was seen.
+
+    Raises:
+        CalibrationError: the file cannot be written.
     """
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for seen in rows:
-            corners = (f"{number:.4f}" for number in seen.corners.ravel())
-            writer.writerow((f"{seen.t:.6f}", seen.camera, seen.tag, *corners))
+    try:
+        with path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(COLUMNS)
+            for seen in rows:
+                corners = (f"{number:.4f}" for number in seen.corners.ravel())
+                writer.writerow((f"{seen.t:.6f}", seen.camera, seen.tag, *corners))
+    except OSError as error:
+        raise CalibrationError(f"{path}: cannot be written ({error.strerror}). Choose another --save") from error
 
 
 def load_tags(path: Path) -> list[Seen]:

@@ -6,8 +6,7 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import Executor
 
-from basestation.calibration.tag_tracks import Seen, TagSearch
-from basestation.localization.detector import TagDetector
+from basestation.calibration.tag_tracks import Seen, make_search
 from basestation.localization.frames import decode_frame
 from basestation.localization.markers import Marker
 from muro_zenoh import channels
@@ -34,7 +33,7 @@ async def watch_drive(
 
     async def watch(camera: str) -> None:
         loop = asyncio.get_running_loop()
-        search = TagSearch(TagDetector(scenario.camera[camera].family), wanted)
+        search = make_search(scenario, camera, wanted)
 
         def look(frame: Frame) -> list[Marker]:
             return search.look(decode_frame(frame.format, frame.width, frame.height, frame.data))

@@ -25,6 +25,15 @@ _JUMP = 0.005
 """All robots of a camera jump by this from one frame to the next: the camera moved [m]. Their brakes allow 2.5 mm."""
 _JUMP_ALONE = 0.008
 """The same for a camera that sees a single robot [m]."""
+_SPREAD = 0.008
+"""At least three robots of a camera are off by this, all the same way, from where they were heading a quarter of a
+second before: the camera moved slowly [m]."""
+_LEAST_SPREAD = 3
+_BEFORE = 2.0
+"""A jump counts when it was at most this long before the cameras were last seen to agree [s]: that is found from what
+both have seen for a while, and so it is late."""
+_EXPLAINED = 0.5
+"""A jump is why two cameras disagree when it differs from that by at most this part of it."""
 _FAR = 0.6
 """Farther off than this is no camera that was moved, but another print or a reflection [m]: 11 degrees at 3 m."""
 _LEAST_ERROR = (0.01, math.radians(0.3))
@@ -71,7 +80,10 @@ class Agreement:
         self.moved: dict[str, Moved] = {}
         self._apart: dict[tuple[str, str], deque[_Apart]] = {}
         self._floor: dict[str, deque[tuple[float, float, float]]] = {}
-        self._jumped: dict[str, float] = {}
+        self._jumped: dict[str, tuple[float, float, float]] = {}
+        self._drifted: dict[str, deque[tuple[float, float, float]]] = {}
+        self._agreed: dict[tuple[str, str], float] = {}
+        self._since: dict[tuple[str, str], float] = {}
         self._just_jumped: set[str] = set()
 
     def compare(
@@ -122,14 +134,27 @@ class Agreement:
         steps = [step for step in steps if math.hypot(*step) <= _FAR]
         if again or not steps:
             return False
-        dx, dy = median(step[0] for step in steps), median(step[1] for step in steps)
-        limit = _JUMP_ALONE if len(steps) == 1 else _JUMP
-        off = [math.hypot(x - dx, y - dy) for x, y in steps]
-        if math.hypot(dx, dy) < limit or median(off) > 0.5 * math.hypot(dx, dy):
+        way = _common(steps, _JUMP_ALONE if len(steps) == 1 else _JUMP)
+        if way is None:
             return False
-        self._jumped[camera] = t
+        self._jumped[camera] = t, *way
         self._just_jumped.add(camera)
         return True
+
+    def drifted(self, camera: str, steps: Sequence[tuple[float, float]], t: float) -> None:
+        """Take whether all robots of a camera went off the same way: then it was the camera that moved, if slowly.
+
+        Robots that all brake together do so too, but then another camera sees it as well.
+
+        Args:
+            camera: its name.
+            steps: of each robot from where its speed of a quarter of a second before took it to where it was seen [m].
+            t: when [s].
+        """
+        steps = [step for step in steps if math.hypot(*step) <= _FAR]
+        way = _common(steps, _SPREAD) if len(steps) >= _LEAST_SPREAD else None
+        if way is not None:
+            self._drifted.setdefault(camera, deque(maxlen=64)).append((t, *way))
 
     def judge(self, now: float) -> None:
         """Decide anew which cameras were moved.
@@ -156,25 +181,54 @@ class Agreement:
                 row.popleft()
             if len(row) < _LEAST:
                 continue
-            x, y, theta = (median(entry[k] for entry in row) for k in (1, 2, 3))
+            x, y, theta = median(e.x for e in row), median(e.y for e in row), median(e.theta for e in row)
             far = math.hypot(x, y)
             if far < _APART and abs(theta) < _TURNED:
                 seen |= {first, second}
+                self._agreed[first, second] = now
+                self._since.pop((first, second), None)
                 continue
-            a, b = self._jumped.get(first, -math.inf), self._jumped.get(second, -math.inf)
+            jumped = self._who_jumped(first, second, (x, y), self._since.get((first, second), now))
             odd = {entry.robot for entry in row if entry.disbelieved}
-            if len(odd) == 1 and 2 * sum(bool(entry.disbelieved) for entry in row) > len(row) and a == b == -math.inf:
+            if len(odd) == 1 and 2 * sum(bool(entry.disbelieved) for entry in row) > len(row) and not jumped:
                 continue  # a second print of one robot's tag is no camera that was moved
             seen |= {first, second}
+            self._since.setdefault((first, second), now)
             if on_floor & {first, second}:
                 continue  # it is known which one it was
             off = f"{1e3 * far:.0f} mm and {math.degrees(abs(theta)):.1f} degrees"
-            blamed = (first,) if a > b else (second,) if b > a else (first, second)
-            for camera in blamed:
+            for camera in jumped or (first, second):
                 other = second if camera == first else first
                 moved[camera] = _moved(f"camera {camera} is {off} off camera {other}", far, abs(theta))
         # Without robots in the overlap nothing is known: what was found stays.
         self.moved = {**{name: found for name, found in self.moved.items() if name not in seen}, **moved}
+
+    def _who_jumped(self, first: str, second: str, apart: tuple[float, float], until: float) -> tuple[str, ...]:
+        """Which of two cameras that disagree has jumped since they agreed, or as far as is known.
+
+        Of two that have, and of those that moved slowly, the one that went as far as they are apart: robots that all
+        turn or brake the same way look much like a camera that moves.
+        """
+        since = self._agreed.get((first, second), -math.inf) - _BEFORE
+
+        def explains(camera: str, jump: tuple[float, float, float]) -> bool:
+            t, dx, dy = jump
+            sign = -1.0 if camera == first else 1.0
+            return since <= t <= until and math.dist((sign * dx, sign * dy), apart) <= _EXPLAINED * math.hypot(*apart)
+
+        both = (first, second)
+        jumped = [camera for camera in both if camera in self._jumped and since <= self._jumped[camera][0] <= until]
+        if jumped:
+            explained = [camera for camera in jumped if explains(camera, self._jumped[camera])]
+            return tuple(jumped if len(jumped) == 1 else explained)
+        return tuple(camera for camera in both if any(explains(camera, way) for way in self._drifted.get(camera, ())))
+
+
+def _common(steps: Sequence[tuple[float, float]], least: float) -> tuple[float, float] | None:
+    """The way that all robots went, when it is the same one and at least so long [m]."""
+    dx, dy = median(step[0] for step in steps), median(step[1] for step in steps)
+    off = [math.hypot(x - dx, y - dy) for x, y in steps]
+    return (dx, dy) if math.hypot(dx, dy) >= least and median(off) <= 0.5 * math.hypot(dx, dy) else None
 
 
 def _moved(how: str, metres: float, radians: float = 0.0) -> Moved:

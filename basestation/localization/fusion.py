@@ -104,12 +104,17 @@ class Fusion:
                 believed.append(sighting)
             elif self._belief.in_arena(sighting.name, sighting.pose):
                 elsewhere.append(sighting)
-        steps = []
+        steps, long_steps = [], []
         for sighting in (*believed, *elsewhere):
             expected = self._expected(camera, sighting.name, t)
             if expected is not None:
                 steps.append((sighting.pose.x - expected.x, sighting.pose.y - expected.y))
+            track = self._tracks.get(sighting.name, {}).get(camera)
+            foreseen = track.foreseen(t) if track is not None else None
+            if foreseen is not None:
+                long_steps.append((sighting.pose.x - foreseen.x, sighting.pose.y - foreseen.y))
         moved = self._agreement.jumped(camera, steps, t)
+        self._agreement.drifted(camera, long_steps, t)
         fixes = []
         for sighting in believed:
             tracks = self._tracks.setdefault(sighting.name, {})
@@ -217,16 +222,17 @@ class Fusion:
         first = shares[0].pose
         x = y = turn = 0.0
         covariance = [0.0] * 9
-        for _, pose, spread, weight in shares:
+        for camera, pose, spread, weight in shares:
             part = weight / total
             x, y = x + part * pose.x, y + part * pose.y
             turn += part * wrap_to_pi(pose.theta - first.theta)
             square = part * part
             covariance = [known + square * entry for known, entry in zip(covariance, spread, strict=True)]
-        moved = self._agreement.moved.get(shares[0].camera)
-        if len(shares) == 1 and moved is not None:
-            for diagonal in (0, 4):
-                covariance[diagonal] += moved.metres * moved.metres
+            moved = self._agreement.moved.get(camera)
+            if moved is not None:  # what it is off by is no noise of the corners
+                covariance[0] += square * moved.metres**2
+                covariance[4] += square * moved.metres**2
+                covariance[8] += square * moved.radians**2
         return Pose2(x, y, wrap_to_pi(first.theta + turn)), tuple(covariance)
 
     def _period_of(self, camera: str) -> float:

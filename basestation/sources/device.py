@@ -28,6 +28,7 @@ class Device:
 
     def __init__(self, device: int | str, width: int, height: int, rate: float) -> None:
         self.name = f"device {device}"
+        self.rate = rate
         self._video = cv2.VideoCapture(device)
         if not self._video.isOpened():
             self._video.release()

@@ -32,9 +32,9 @@ class VideoFile:
         if not path.is_file():
             raise CameraError(f"{path}: got no such file, expected a video or a directory of images")
         self._video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        self._rate = self._video.get(cv2.CAP_PROP_FPS)
+        self.rate = self._video.get(cv2.CAP_PROP_FPS)
         count = int(self._video.get(cv2.CAP_PROP_FRAME_COUNT))
-        if not self._video.isOpened() or not 0.0 < self._rate < 1e4:
+        if not self._video.isOpened() or not 0.0 < self.rate < 1e4:
             self._video.release()
             raise CameraError(f"{path}: got a file that is no video, or a damaged one, expected a video. Does it play?")
         self.length: int | None = count if 0 < count < 1e9 else None
@@ -60,7 +60,7 @@ class VideoFile:
                 )
             return None
         self._read += 1
-        return Shot(grey(image), (self._read - 1) / self._rate)
+        return Shot(grey(image), (self._read - 1) / self.rate)
 
     def close(self) -> None:
         """Release the file."""
@@ -84,7 +84,7 @@ class ImageDirectory:
         if not self._files:
             raise CameraError(f"{path}: got no images, expected files that end with {' '.join(_IMAGES)}")
         self.length: int | None = len(self._files)
-        self._rate = rate
+        self.rate = rate
         self._next = 0
 
     def read(self) -> Shot | None:
@@ -97,7 +97,7 @@ class ImageDirectory:
             return None
         file = self._files[self._next]
         self._next += 1
-        return Shot(read_image(file), (self._next - 1) / self._rate)
+        return Shot(read_image(file), (self._next - 1) / self.rate)
 
     def close(self) -> None:
         """Nothing is held."""

@@ -25,10 +25,12 @@ class FrameSource(Protocol):
     Attributes:
         name: for errors and logs.
         length: number of pictures; None when it is not known.
+        rate: pictures per second [Hz].
     """
 
     name: str
     length: int | None
+    rate: float
 
     def read(self) -> Shot | None:
         """The next picture; None at the end of a recording.

@@ -9,7 +9,7 @@ import math
 
 from basestation.tasks.bases import BasesTask
 from basestation.tasks.kept_state import KeptStateTask
-from basestation.tasks.positions import PositionsTask
+from basestation.tasks.positions import CAMERA_SILENT, PositionsTask
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.errors import TransportError
@@ -21,9 +21,6 @@ log = logging.getLogger(__name__)
 
 _PERIOD = channels.HEALTH.period
 _RUNNING = "running"
-
-_CAMERA_SILENT = 1.0
-"""A camera without a frame for this time is reported as missing [s]."""
 
 _OTHER_GONE = 3.0
 """Another base station without a report for this time is gone [s]."""
@@ -62,7 +59,7 @@ class HealthTask:
         self._other_seen = -math.inf
 
     async def report(self) -> None:
-        """Publish the health once a second, and at once when a robot is not what it says."""
+        """Publish the health once a second, and at once when a robot is not what it says, or a camera fails."""
         positions = self._positions
         waiting = WaitingLog(log, "waiting", "nothing is missing now")
         while True:
@@ -104,7 +101,7 @@ class HealthTask:
         missing = []
         for camera in self._cameras:
             silent = now - received_at.get(camera, -math.inf)
-            if silent > _CAMERA_SILENT:
+            if silent > CAMERA_SILENT:
                 age = "yet" if silent == math.inf else f"for {silent:.1f} s"
                 missing.append(f"no frames from camera {camera} {age}")
         if self._positions.frames > self._positions.bad_frames:

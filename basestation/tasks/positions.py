@@ -16,6 +16,9 @@ from muro_zenoh.transport import Bus
 _DOUBTED = 2.0
 """What is seen and not believed is reported for this time [s]."""
 
+CAMERA_SILENT = 0.6
+"""A camera without a frame for this time is reported as missing [s]."""
+
 _LONGEST_PERIOD = 0.2
 """All positions are published after each frame, and at least with this period [s]."""
 
@@ -36,7 +39,7 @@ class PositionsTask:
         received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
         complaints: problems in the newest frame of each camera, by the camera's name.
         doubts: the robots that are not what they say, each with what is wrong, in words.
-        doubted: set when another robot is doubted, for the health report.
+        doubted: set when another robot is doubted, a camera has become silent or was moved, for the health report.
     """
 
     def __init__(self, bus: Bus, robots: Iterable[str], fusion: Fusion, stale_after: float = STALE_AFTER) -> None:
@@ -54,6 +57,7 @@ class PositionsTask:
         self._snapshots = bus.publisher(channels.ALL_POSITIONS)
         self._estimates = bus.latest(channels.ESTIMATE, "*")
         self._published = 0.0
+        self._faulty: set[tuple[str, str]] = set()
 
     async def watch(self, source: SightingSource) -> None:
         """Publish the sightings of one camera.
@@ -142,5 +146,8 @@ class PositionsTask:
                 self._table.estimate(name, Motion(m.pose, m.v, m.omega, min(estimate.captured(), now)))
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
         before, self.doubts = self.doubts, self._table.doubts(now)
-        if self.doubts.keys() - before.keys():
+        silent = {("silent", camera) for camera, t in self.received_at.items() if now - t > CAMERA_SILENT}
+        faulty = silent | {("moved", camera) for camera in self._fusion.moved}
+        if self.doubts.keys() - before.keys() or faulty - self._faulty:
             self.doubted.set()
+        self._faulty = faulty

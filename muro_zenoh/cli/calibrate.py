@@ -205,6 +205,7 @@ def arena(
 @click.option("--height", "heights", metavar="NAME=M", multiple=True, help="Of a camera above the floor, measured [m].")
 @click.option("--distance", metavar="ID,ID=M", help="Between the middles of two floor tags, measured [m].")
 @click.option("--start", default="0,0,0", show_default=True, help="Where the robot starts: x,y,theta [m, rad].")
+@click.option("--frame", metavar="NAME", help="The camera that was not moved: its calibration says how the map lies.")
 @click.option("--seconds", default=90.0, show_default=True, help="Of the recordings to use [s].")
 @click.option("--rate", default=20.0, show_default=True, help="Of directories of images [Hz].")
 @click.option("--out", metavar="DIR", required=True, type=click.Path(file_okay=False, path_type=Path), help="Folder.")
@@ -226,6 +227,7 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, bus: BusFlags
         heights={name: number(text, "--height") for name, text in pairs(given["heights"], "--height").items()},
         distance=distance_of(given["distance"]),
         start=start_of(given["start"]),
+        frame=given["frame"],
     )
     recordings = {name: Path(path) for name, path in pairs(given["recordings"], "--recording").items()}
     if given["seen"] is not None:
@@ -248,7 +250,10 @@ def drive(robot: str, fleet: str, out: Path, picture: Path | None, bus: BusFlags
         f"at the tags' height the map is wrong by less than {1e3 * error.worst:.1f} mm (95 %)",
     )
     _show(error, facts, result.inflation)
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise ConfigError("--out", got=f"{out} ({problem.strerror})", expected="a folder that can be written") from None
     for k, (name, camera) in enumerate(result.cameras.items()):
         block = slice(15 * k, 15 * k + 15)
         before = session.scenario.camera[name].calibration
@@ -269,6 +274,8 @@ def _watch(session: DriveSession, settings: BusSettings, seconds: float) -> list
     from muro_zenoh.transport import open_bus
 
     cameras = session.scenario.camera
+    if not cameras:
+        raise ConfigError("--fleet", got="a fleet without cameras", expected="[camera.NAME], to watch the drive")
     click.echo(f"watching {', '.join(cameras)} for {seconds:g} s: drive {session.robot} all over the floor")
 
     async def watch(advance: Callable[[], None]) -> list[Seen]:

@@ -55,7 +55,7 @@ def localize(recording: Path, fleet: str, camera: str, rate: float, out: Path, d
         stack.callback(source.close)
         video = None
         if draw is not None:
-            video = AnnotatedVideo(draw, rate, settings.width, settings.height)
+            video = AnnotatedVideo(draw, source.rate, settings.width, settings.height)
             stack.callback(video.close)
         poses = stack.enter_context(PosesFile(out))
         progress = stack.enter_context(Progress(transient=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -146,10 +147,27 @@ def page(file: str, web: str, tokens: Path, bus: BusFlags) -> None:
     show_default=True,
     help="Of the JPEG: 85 costs no accuracy, less costs less network; 0 for raw frames.",
 )
+@click.option(
+    "--rate", type=click.FloatRange(0.5, 240.0), metavar="HZ", help="Pictures per second.  [default: the settings']"
+)
+@click.option(
+    "--bandwidth",
+    type=click.FloatRange(min=10.0),
+    metavar="KB_S",
+    help="Send at most so many kB/s: above it pictures become worse, and then fewer.",
+)
 @click.option("--show", is_flag=True, help="Show what is seen: in a window, or without a display as NAME.png.")
 @bus_options
 def camera(
-    file: str, name: str, device: str | None, recording: Path | None, quality: int, show: bool, bus: BusFlags
+    file: str,
+    name: str,
+    device: str | None,
+    recording: Path | None,
+    quality: int,
+    rate: float | None,
+    bandwidth: float | None,
+    show: bool,
+    bus: BusFlags,
 ) -> None:
     """Publish the pictures of camera NAME of a fleet or scenario FILE."""
     if device is not None and recording is not None:
@@ -158,10 +176,10 @@ def camera(
     from basestation.filming import run_camera
     from basestation.sources.opening import opener
 
-    source = opener(scenario, name, device, recording)
+    source = opener(scenario, name, device, recording, rate)
     if show:
         source = _shown(source, scenario, name)
-    _run(lambda: run_camera(scenario, name, source, quality), f"camera_{name}")
+    _run(lambda: run_camera(scenario, name, source, quality, bandwidth or math.inf), f"camera_{name}")
 
 
 def _shown(source: Callable[[], FrameSource], scenario: Scenario, name: str) -> Callable[[], FrameSource]:
@@ -169,7 +187,12 @@ def _shown(source: Callable[[], FrameSource], scenario: Scenario, name: str) -> 
     from basestation.showing import Screen, Shown
 
     screen = Screen(f"camera {name}", Path(f"{name}.png"))
-    return lambda: Shown(source(), Eye(scenario, name), screen)
+
+    def opened() -> FrameSource:
+        eye = Eye(scenario, name)  # takes a moment; the source's time begins when it is open
+        return Shown(source(), eye, screen)
+
+    return opened
 
 
 @click.command(epilog=example("muro sim pursuit --seed 3"))

@@ -85,6 +85,7 @@ def _check_camera(key: str, camera: CameraSettings, origin: Origin) -> None:
 
 def _check_tags(s: Scenario, origin: Origin) -> None:
     owner: dict[int, str] = {}
+    sizes = [(name, _numbers(camera.family)) for name, camera in s.camera.items()]
     for name, robot in s.robot.items():
         if robot.tag is None:
             if s.camera:
@@ -97,6 +98,19 @@ def _check_tags(s: Scenario, origin: Origin) -> None:
                 expected="a unique tag",
             )
         owner[robot.tag] = name
+        for camera, count in sizes:
+            if count is not None and robot.tag >= count:
+                raise ConfigError(
+                    origin.at(f"robot.{name}.tag"),
+                    got=str(robot.tag),
+                    expected=f"one of 0 to {count - 1}, which family {s.camera[camera].family} of camera {camera} has",
+                )
+
+
+def _numbers(family: str) -> int | None:
+    """How many tags a family of OpenCV's has, by its name; None for one that does not say it."""
+    count = family.rpartition("_")[2] if family.startswith("DICT_") and "APRILTAG" not in family else ""
+    return int(count) if count.isdigit() else None
 
 
 def _check_goals(s: Scenario, origin: Origin) -> None:

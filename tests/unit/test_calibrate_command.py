@@ -221,6 +221,22 @@ class TestDrive:
         (tmp_path / "seen.csv").write_text(",".join(COLUMNS) + "\n1,north,0,1,1,2,1,2,2,1,2\n")
         assert "camera.north: got no lens" in muro(*start).stderr
         assert "nothing but the size of r1's tag" in muro(*start, *lens).stderr
+        (tmp_path / "frames").mkdir()
+        cv2.imwrite(str(tmp_path / "frames" / "0.png"), np.zeros((480, 640), np.uint8))
+        small = (*start[:-2], *lens, "--recording", f"north={tmp_path / 'frames'}")
+        assert (
+            "north: got pictures of 640 x 480 pixels, expected 960 x 540, which its lens is for" in muro(*small).stderr
+        )
+        unwritable = (*small, "--save", tmp_path / "nowhere" / "seen.csv")
+        (tmp_path / "frames" / "0.png").unlink()
+        cv2.imwrite(str(tmp_path / "frames" / "0.png"), np.zeros((540, 960), np.uint8))
+        assert (
+            "seen.csv: cannot be written (No such file or directory). Choose another --save" in muro(*unwritable).stderr
+        )
+        (tmp_path / "bare.toml").write_text("robots = 1\n")
+        assert (
+            "got a fleet without cameras" in muro("drive", "r1", "--fleet", tmp_path / "bare.toml", "--out", "x").stderr
+        )
         assert "camera north saw r1 in 0 places" in muro(*start, *lens, "--height", "north=2").stderr
         assert "got 'south', expected one of north" in muro(*start, "--height", "south=2").stderr
         assert "--distance: got '40'" in muro(*start, *lens, "--distance", "40").stderr

@@ -170,10 +170,10 @@ class TestLens:
 
     def test_wrong_numbers_of_corners_are_named(self) -> None:
         odd = views()[5]
-        mixed = (*views()[:5], BoardView("swapped.png", odd.ids, odd.points[::-1].copy(), odd.pixels, odd.blur))
-        mixed = (*mixed[:5], BoardView("swapped.png", odd.ids, np.roll(odd.points, 1, 0), odd.pixels, odd.blur))
-        with pytest.raises(CalibrationError, match=r"^swapped\.png contradicts"):
-            calibrate((*mixed, *views()[6:]))
+        for wrong in (odd.points[::-1].copy(), np.roll(odd.points, 1, 0)):
+            mixed = (*views()[:5], BoardView("swapped.png", odd.ids, wrong, odd.pixels, odd.blur), *views()[6:])
+            with pytest.raises(CalibrationError, match=r"^swapped\.png contradicts"):
+                calibrate(mixed)
 
     def test_views_that_are_alike_are_refused(self) -> None:
         same = tuple(
@@ -341,6 +341,19 @@ class TestDrive:
             pixels = FloorMap(camera.model).to_pixels(places, HEIGHT)
             off = FloorMap(result.cameras[name].model).to_metres(pixels, HEIGHT) - places
             assert np.hypot(*off.T).max() < 2e-3
+
+    def test_one_of_two_known_cameras_that_was_moved_does_not_move_the_map(self) -> None:
+        """By 0.3 degrees, 16 mm on the floor."""
+        bumped = camera_of(PAIR["south"].model.moved((math.radians(0.3), 0.0, 0.0)))
+        with pytest.raises(
+            CalibrationError, match=r"of north and south are 1\d mm apart, expected .* --frame north or"
+        ):
+            place(drive(), distance=known_distance(), known={"north": PAIR["north"], "south": bumped})
+        result = place(drive(), distance=known_distance(), known={"north": PAIR["north"]})
+        places = np.column_stack([axis.ravel() for axis in np.meshgrid(np.linspace(-1.9, 1.9, 9), (-1.2, -0.6, 0.0))])
+        pixels = FloorMap(PAIR["south"].model).to_pixels(places, HEIGHT)
+        off = FloorMap(result.cameras["south"].model).to_metres(pixels, HEIGHT) - places
+        assert np.hypot(*off.T).max() < 4e-3
 
     @pytest.mark.parametrize("size", [0.8 * TAG, 1.2 * TAG])
     @pytest.mark.parametrize("scale", [{"heights": {"north": 3.0}}, {"distance": known_distance()}])

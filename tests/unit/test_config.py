@@ -275,6 +275,10 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
         {"robot": {"r1": {"tag": 3}, "r2": {"tag": 3}}},
         "lab.toml: robot.r2.tag: got 3, which robot r1 has too, expected a unique tag",
     ),
+    "a tag that its family has not": (
+        {"camera": {"north": {"family": "DICT_5X5_100"}}, "robot": {"r1": {"tag": 99}, "r2": {"tag": 100}}},
+        "lab.toml: robot.r2.tag: got 100, expected one of 0 to 99, which family DICT_5X5_100 of camera north has",
+    ),
     "a robot that no camera can see": (
         {"camera": {"north": {}}, "robot": {"r1": {}}},
         "lab.toml: robot.r1.tag: got no tag, expected the id of its tag",

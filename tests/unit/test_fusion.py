@@ -42,6 +42,7 @@ class Eye:
     phase: float = 0.0
     bumped: tuple[float, float, float] = (0.0, 0.0, 0.0)
     bumped_at: float = math.inf
+    bump_takes: float = 0.0
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(7))
 
     def inside(self, x: float) -> float:
@@ -55,7 +56,10 @@ class Eye:
             inside = self.inside(x)
             if inside < 0.0:
                 continue
-            dx, dy, turn = np.add(self.bias, self.bumped if t >= self.bumped_at else (0.0, 0.0, 0.0)).tolist()
+            part = float(t >= self.bumped_at)
+            if self.bump_takes:
+                part = min(max((t - self.bumped_at) / self.bump_takes, 0.0), 1.0)
+            dx, dy, turn = np.add(self.bias, np.multiply(part, self.bumped)).tolist()
             nx, ny, nt = (self.rng.normal(0.0, (self.noise, self.noise, 0.002))).tolist()
             pose = Pose2(x + dx + nx, y + dy + ny, wrap_to_pi(theta + turn + nt))
             robots.append(Sighting(name, pose, COVARIANCE, inside))
@@ -171,6 +175,17 @@ class TestAMovedCamera:
     def round_about(phase: float) -> Way:
         return lambda t: Pose2(0.3 * math.cos(0.8 * t + phase), 0.9 * math.sin(0.5 * t + phase), wrap_to_pi(0.8 * t))
 
+    @staticmethod
+    def circling(number: int) -> Way:
+        """As wheels drive: forwards, along a circle."""
+
+        def way(t: float) -> Pose2:
+            angle = 0.8 * t + 1.7 * number
+            place = (0.2 * math.cos(angle), 0.5 * number - 0.75 + 0.2 * math.sin(angle))
+            return Pose2(*place, wrap_to_pi(angle + 0.5 * math.pi))
+
+        return way
+
     @pytest.mark.parametrize("which", ["west", "east"])
     def test_it_is_named_within_two_seconds_and_weighs_less(self, which: str) -> None:
         eyes = [west(), east()]
@@ -224,6 +239,28 @@ class TestAMovedCamera:
         assert max(errors) < 0.005
         assert not doubted
 
+    @pytest.mark.parametrize("which", ["west", "east"])
+    def test_one_that_moved_over_several_frames_is_named_alone(self, which: str) -> None:
+        eyes = [west(), east()]
+        bumped = next(eye for eye in eyes if eye.name == which)
+        bumped.bumped, bumped.bumped_at, bumped.bump_takes = (0.012, 0.010, 0.002), 5.0, 0.2
+        fusion, _ = fixes_of(eyes, {f"r{i}": self.circling(i) for i in range(4)}, 9.0)
+        assert set(fusion.moved) == {which}
+
+    @pytest.mark.parametrize(("jump", "blamed"), [(1.0, {"east", "west"}), (7.5, {"east"}), (15.0, {"east", "west"})])
+    def test_only_a_jump_about_when_the_cameras_began_to_disagree_is_blamed(
+        self, jump: float, blamed: set[str]
+    ) -> None:
+        """They agree until 8 s; what jumped long before, or long after, was something else."""
+        agreement, here = Agreement(), Pose2(0.0, 0.0, 0.0)
+        for k in range(400):
+            t = 0.05 * k
+            if abs(t - jump) < 0.01:
+                assert agreement.jumped("east", [(0.016, 0.0), (0.015, 0.0)], t)
+            agreement.compare("west", "east", here, Pose2(0.016 * (t >= 8.0), 0.0, 0.0), t)
+            agreement.judge(t)
+        assert set(agreement.moved) == blamed
+
     def test_a_second_print_of_one_robots_tag_is_no_camera_that_moved(self) -> None:
         fusion = Fusion(ARENA, dict.fromkeys(("r1", "r2"), REACH))
         for k in range(200):
@@ -256,6 +293,22 @@ class TestAMovedCamera:
         alone = {t: fix.covariance for t, _, fix in given if fix.name == "r2"}
         assert all(covariance[0] == COVARIANCE[0] for t, covariance in alone.items() if t < 2.0)
         assert all(covariance[0] > 9e-5 < covariance[4] for t, covariance in alone.items() if t > 4.5)
+
+    def test_where_both_may_have_been_moved_the_fix_of_both_is_uncertain_too(self) -> None:
+        """Half of each: 10 mm and 0.3 degrees are 7 mm and 0.2 degrees then, and not the noise of the corners."""
+
+        def still(t: float) -> Pose2:
+            return Pose2(0.0, 0.5, 1.0)
+
+        eyes = [west(), east()]
+        eyes[0].bias = (0.012, 0.010, 0.0)
+        fusion, given = fixes_of(eyes, {"r1": still}, 4.0)
+        assert set(fusion.moved) == {"west", "east"}
+        _, _, fix = given[-1]
+        assert len(fix.cameras) == 2
+        assert 0.006 < math.sqrt(fix.covariance[0]) < 0.012
+        assert math.sqrt(fix.covariance[4]) == pytest.approx(math.sqrt(fix.covariance[0]), rel=0.01)
+        assert math.radians(0.2) < math.sqrt(fix.covariance[8]) < math.radians(0.4)
 
     def test_robots_that_are_pushed_apart_are_no_camera_that_moved(self) -> None:
         agreement = Agreement()

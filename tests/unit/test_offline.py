@@ -31,7 +31,8 @@ LAB = parse_scenario(
     "lab.toml",
     name="lab",
 )
-RATE = 20.0
+RATE = 30.0
+"""Of the recordings: not the one that is assumed for images."""
 
 
 def pose(robot: int, k: int) -> tuple[float, float, float]:
@@ -86,7 +87,7 @@ def check(row: dict[str, str]) -> None:
 def test_the_poses_of_images(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "poses.csv"
     result = CliRunner().invoke(
-        main, ["localize", str(images), "--fleet", str(tmp_path / "lab.toml"), "--out", str(out)]
+        main, ["localize", str(images), "--rate", str(RATE), "--fleet", str(tmp_path / "lab.toml"), "--out", str(out)]
     )
     assert result.exit_code == 0, result.output
     assert "12 pictures, 24 poses" in result.output
@@ -107,6 +108,7 @@ def test_the_poses_of_a_video_and_an_annotated_one(video: Path, tmp_path: Path) 
         check(row)
     seen = VideoFile(drawn)
     assert seen.length == 40
+    assert seen.rate == pytest.approx(RATE)
     capture = cv2.VideoCapture(str(drawn))
     good, image = capture.read()
     capture.release()
@@ -116,6 +118,15 @@ def test_the_poses_of_a_video_and_an_annotated_one(video: Path, tmp_path: Path) 
     (u, v), (ahead_u, ahead_v) = model.project(np.array([[*pose(0, 0)[:2], 0.15], [-0.1, 0.1, 0.15]]))
     half = image[round((v + ahead_v) / 2), round((u + ahead_u) / 2)].astype(int)
     assert half[2] > half[0] + 60, "red"
+
+
+def test_poses_that_cannot_be_written(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "nowhere" / "poses.csv"
+    result = CliRunner().invoke(
+        main, ["localize", str(images), "--rate", str(RATE), "--fleet", str(tmp_path / "lab.toml"), "--out", str(out)]
+    )
+    assert result.exit_code == 1
+    assert "poses.csv: cannot be written (No such file or directory). Choose another --out" in result.output
 
 
 def test_a_damaged_image_is_named_and_the_others_are_used(images: Path) -> None:
@@ -162,7 +173,16 @@ def test_what_is_no_recording_is_refused_with_the_reason(tmp_path: Path) -> None
 
 def test_pictures_of_another_size_are_refused_with_both_sizes(images: Path, tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text(FLEET.replace("640", "800"))
-    arguments = ["localize", str(images), "--fleet", str(tmp_path / "lab.toml"), "--out", str(tmp_path / "p.csv")]
+    arguments = [
+        "localize",
+        str(images),
+        "--rate",
+        str(RATE),
+        "--fleet",
+        str(tmp_path / "lab.toml"),
+        "--out",
+        str(tmp_path / "p.csv"),
+    ]
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 1
     assert "640 x 480 pixels, expected 800 x 480" in result.output
@@ -170,7 +190,16 @@ def test_pictures_of_another_size_are_refused_with_both_sizes(images: Path, tmp_
 
 def test_the_camera_is_asked_for_where_there_are_several(images: Path, tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text(FLEET + "[camera.south]\n")
-    arguments = ["localize", str(images), "--fleet", str(tmp_path / "lab.toml"), "--out", str(tmp_path / "p.csv")]
+    arguments = [
+        "localize",
+        str(images),
+        "--rate",
+        str(RATE),
+        "--fleet",
+        str(tmp_path / "lab.toml"),
+        "--out",
+        str(tmp_path / "p.csv"),
+    ]
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 2
     assert "--camera: got nothing, expected one of north, south" in result.output

@@ -25,6 +25,7 @@ class Pictures:
 
     name = "pictures"
     length: int | None = None
+    rate = 10.0
 
     def __init__(self, size: tuple[int, int] = (640, 480)) -> None:
         robot = LAB.robot["r1"]

@@ -474,3 +474,39 @@ def test_stale_frames_are_counted_and_show_nobody() -> None:
             assert (positions.frames, positions.bad_frames, positions.stale_frames) == (2, 1, 2)
 
     run_virtually(main())
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.25, 0.5, 0.75])
+@pytest.mark.parametrize(("trouble", "limit"), [("no frames from camera north", 1.0), ("sees the floor tags", 1.3)])
+def test_a_camera_in_trouble_is_on_health_at_once(begin: float, trouble: str, limit: float) -> None:
+    """Silent within a second, moved within two, whenever the report is due: it does not wait for its second."""
+
+    async def main() -> None:
+        async with lab() as there:
+            clock, went_wrong = there.bus.clock, 0.0
+
+            async def north() -> AsyncIterator[Sightings]:
+                nonlocal went_wrong
+                await asyncio.sleep(begin)
+                for k in range(120):
+                    if k < 60:
+                        went_wrong = clock.now()
+                    elif "no frames" in trouble:
+                        return
+                    off = ((0.0, 0.0 if k < 60 else 0.02),) * 4 if k % 10 == 0 else ()
+                    yield Sightings(camera="north", captured=clock.now(), floor_off=off)
+                    await asyncio.sleep(0.05)
+
+            health = there.bus.every(channels.HEALTH, "basestation")
+            async with make_bus(there.network.link(), clock=clock) as bus:
+                task = asyncio.create_task(Station(bus, SEEN, None, [north()]).run())
+                try:
+                    async for received in health:
+                        if went_wrong and any(trouble in reason for reason in received.message.reasons):
+                            break
+                finally:
+                    task.cancel()
+                    await asyncio.wait({task})
+            assert clock.now() - went_wrong < limit
+
+    run_virtually(main())
