@@ -27,7 +27,7 @@ demo: $(VENV)/.for-runs
 
 # Tests that compute run side by side; those with processes of their own, whose ages are real, one after the other.
 test: $(VENV)/.for-tests
-	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop
+	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop tests/fleets
 	$(BIN)/python -m pytest tests/contract tests/integration tests/browser
 
 test-fast: $(VENV)/.for-tests
@@ -68,6 +68,8 @@ $(VENDOR)/.filled: $(VENV)/.npm
 	@mkdir -p $(VENDOR)
 	cp node_modules/uplot/dist/uPlot.iife.min.js node_modules/uplot/dist/uPlot.min.css $(VENDOR)/
 	cp node_modules/@msgpack/msgpack/dist.umd/msgpack.min.js $(VENDOR)/
+	cp node_modules/uplot/LICENSE $(VENDOR)/uPlot.LICENSE
+	cp node_modules/@msgpack/msgpack/LICENSE $(VENDOR)/msgpack.LICENSE
 	@touch $@
 
 $(VENV)/.npm: package.json package-lock.json | $(VENV)/.made

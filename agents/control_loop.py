@@ -102,6 +102,7 @@ class ControlLoop:
         fixes: Iterable[tuple[float, PoseFix]],
         odometry: Iterable[tuple[float, float, float]],
         around: Surroundings,
+        earlier: Iterable[Snapshot] = (),
     ) -> Outgoing:
         """Estimate, step the behaviour, command; called at each fix, and by the clock when a fix is overdue.
 
@@ -110,6 +111,7 @@ class ControlLoop:
             fixes: new fixes, each with its time of capture.
             odometry: new rows t [s], v [m/s], omega [rad/s], in order.
             around: what was received from other processes.
+            earlier: snapshots that came before that one, since the last time.
         """
         if self._ended:
             return []
@@ -118,6 +120,7 @@ class ControlLoop:
             self._paused = now - self._updated
         self._updated, self._around = now, around
         self.tracking.take(now, fixes, odometry)
+        self.drive.learn(now, earlier)
         out: Outgoing = []
         estimate = self._estimate = self.tracking.filter.at(now)
         if estimate is not None:

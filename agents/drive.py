@@ -7,6 +7,7 @@ changed the command after it would drive another one. What is left for after it 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 
 from muro_zenoh.behaviours.interface import Snapshot
 from muro_zenoh.config import RobotSettings
@@ -49,6 +50,17 @@ class Drive:
         """The note, which is cleared; where the filter is off, that."""
         note, self.note = self.note, ""
         return note if self._separation is not None else OFF
+
+    def learn(self, now: float, snapshots: Iterable[Snapshot]) -> None:
+        """Take snapshots that are not the newest any more: others keep apart by them.
+
+        Args:
+            now: the time [s].
+            snapshots: all robots, at one time each.
+        """
+        if self._separation is not None:
+            for snapshot in snapshots:
+                self._separation.learn(now, snapshot)
 
     def command(
         self,

@@ -38,15 +38,6 @@ NAMES = [f"r{number + 1}" for number in range(ROBOTS)]
 
 Row = dict[str, Any]
 
-_NOTE_PRESS = """
-    let before = 0;
-    window.addEventListener("pointerdown", event => {
-        const first = event.timeStamp - before > 500;
-        before = event.timeStamp;
-        if (first) window.pressedAt = (performance.timeOrigin + event.timeStamp) / 1000;
-    }, {capture: true});
-"""
-
 
 def hello() -> Row:
     """What the page is told first."""
@@ -158,14 +149,14 @@ async def stop(opened: Visit, run: PagedRun, presses: int) -> Row:
     page, times = opened.page, []
     box = await page.locator("#stop").bounding_box()
     assert box is not None
-    await page.evaluate(_NOTE_PRESS)
+    await opened.note_presses()
     await asyncio.sleep(20.0)  # they spread: what is measured are robots that go round
     for _ in range(presses):
         await run.time_until(lambda: len(run.moving()) == len(run.robots), 20.0, "all robots drive")
         await asyncio.sleep(chance.uniform(0.2, 1.5))
         await page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         await run.time_until(lambda: not run.moving(), 5.0, "all wheels at rest")
-        times.append(run.at_rest_since - await page.evaluate("window.pressedAt"))
+        times.append(run.at_rest_since() - await opened.pressed_at())
         receipt = page.locator("#receipt:not(.waiting)")
         await receipt.wait_for()
         assert await receipt.get_attribute("class") == "good", await receipt.inner_text()

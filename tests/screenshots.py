@@ -22,7 +22,7 @@ async def steering(browser: Browser, folder: Path) -> None:
     async with paged_run(folder, "pursuit", robots=6) as run, visit(browser, run.url, **DESKTOP) as opened:
         await opened.sees(run.robots)
         await asyncio.sleep(9.0)
-        await opened.page.locator("#robots button", has_text="r2").click()
+        await opened.page.locator("#robots strong", has_text="r2").click()
         x, y = await opened.pixel("screenAt(1.45, -0.95)")
         await opened.page.mouse.move(x, y)
         await opened.page.mouse.down()

@@ -16,7 +16,7 @@ from muro_zenoh.config import TIMEOUTS, Timeouts
 from muro_zenoh.geometry import Twist2
 from muro_zenoh.messages import Circle as CircleMessage
 from muro_zenoh.messages import DriveWish, FleetSnapshot, Message, PoseFix, SpeedReference
-from muro_zenoh.transport import Bus, Latest, Publisher, Received
+from muro_zenoh.transport import Bus, Every, Latest, Publisher, Received
 
 T = TypeVar("T", bound=Message)
 
@@ -59,6 +59,9 @@ class Listener:
         master: whose velocities count.
         timeouts: how old the positions of all robots may be.
         always: what is received whatever the behaviour needs.
+
+    Attributes:
+        earlier: the snapshots that came before the newest one since the last :meth:`surroundings`, none of them stale.
     """
 
     def __init__(
@@ -77,7 +80,9 @@ class Listener:
         self._circle: Latest[CircleMessage] | None = None
         self._speed: Writers[SpeedReference] | None = None
         self._hand: Writers[DriveWish] | None = None
-        self._snapshot: Latest[FleetSnapshot] | None = None
+        self.earlier: tuple[Snapshot, ...] = ()
+        self._snapshots: Every[FleetSnapshot] | None = None
+        self._snapshot: Received[FleetSnapshot] | None = None
 
     def need(self, needs: frozenset[Need]) -> None:
         """Subscribe to what a behaviour needs, and unsubscribe from what it does not.
@@ -90,7 +95,11 @@ class Listener:
             if writers is not None:
                 writers.close()
         self._circle = self._needed(Need.CIRCLE in needs, self._circle, channels.CIRCLE)
-        self._snapshot = self._needed(Need.SNAPSHOT in needs, self._snapshot, channels.ALL_POSITIONS)
+        if Need.SNAPSHOT in needs:
+            self._snapshots = self._snapshots or self._bus.every(channels.ALL_POSITIONS)
+        elif self._snapshots is not None:
+            self._snapshots.close()
+            self._snapshots = self._snapshot = None
         bus, name, master = self._bus, self._name, self._master
         self._speed = Writers(bus, channels.VELOCITY, name, master) if Need.SPEED in needs else None
         self._hand = Writers(bus, channels.DRIVE, name, master) if Need.HAND in needs else None
@@ -117,27 +126,32 @@ class Listener:
         circle = self._circle.get() if self._circle is not None else None
         speed, speed_age = self._speed.followed(now) if self._speed is not None else (None, math.inf)
         wish, wish_age = self._hand.followed(now) if self._hand is not None else (None, math.inf)
-        snapshot, snapshot_age = _fresh(self._snapshot, now, self._snapshot_timeout)
+        self._take_snapshots(now)
+        newest = self._snapshot
+        snapshot_age = newest.age(now) if newest is not None else math.inf
         return Surroundings(
             circle.message.circle if circle is not None else None,
             speed.message.speed if speed is not None else None,
             speed_age,
-            Snapshot(snapshot.message.robots, snapshot.message.stamp, snapshot.message.epoch, snapshot_age)
-            if snapshot is not None
-            else None,
+            _snapshot(newest, snapshot_age) if newest is not None and snapshot_age <= self._snapshot_timeout else None,
             snapshot_age,
             Twist2(wish.message.v, wish.message.omega) if wish is not None else None,
             wish_age,
         )
 
+    def _take_snapshots(self, now: float) -> None:
+        """Those that came since the last time."""
+        came = self._snapshots.drain() if self._snapshots is not None else []
+        if came:
+            known = [*came, self._snapshot] if self._snapshot is not None else came
+            self._snapshot = min(known, key=lambda received: received.age(now))
+        ages = ((received, received.age(now)) for received in came if received is not self._snapshot)
+        self.earlier = tuple(_snapshot(received, age) for received, age in ages if age <= self._snapshot_timeout)
 
-def _fresh(inbox: Latest[Any] | None, now: float, limit: float) -> tuple[Received[Any] | None, float]:
-    """The newest message unless it is stale, and its age."""
-    received = inbox.get() if inbox is not None else None
-    if received is None:
-        return None, math.inf
-    age = received.age(now)
-    return (received if age <= limit else None), age
+
+def _snapshot(received: Received[FleetSnapshot], age: float) -> Snapshot:
+    message = received.message
+    return Snapshot(message.robots, message.stamp, message.epoch, age)
 
 
 class Signals:
@@ -178,12 +192,14 @@ async def control(bus: Bus, name: str, loop: ControlLoop, listener: Listener, se
             except TimeoutError:
                 pass
             now = clock.now()
+            around = listener.surroundings(now)
             sender.send(
                 loop.update(
                     now,
                     [(fix.captured() - fix.message.age, fix.message) for fix in fixes],
                     [(o.captured(), o.message.v, o.message.omega) for o in wheels.drain()],
-                    listener.surroundings(now),
+                    around,
+                    listener.earlier,
                 )
             )
             if fixes:

@@ -18,6 +18,9 @@ from muro_zenoh.errors import ConfigError
 PROTOCOL: Final = "muro"
 _TOKEN: Final = "token."
 
+_ELSEWHERE: Final = {"0.0.0.0": (socket.AF_INET, "192.0.2.1"), "::": (socket.AF_INET6, "2001:db8::1")}
+"""For all addresses of this machine, one of nobody (RFC 5737, RFC 3849): the way there has this machine's address."""
+
 
 class Right(Enum):
     """What a client may do."""
@@ -84,7 +87,7 @@ class Address(NamedTuple):
     @property
     def url(self) -> str:
         """What to open in a browser, without a token."""
-        host = socket.gethostname() if self.host in ("0.0.0.0", "::") else self.host
+        host = _of_this_machine(self.host) if self.host in _ELSEWHERE else self.host
         return f"http://{_bracketed(host)}:{self.port}"
 
 
@@ -110,10 +113,13 @@ class Access:
     Args:
         address: where the page is served.
         tokens: of this base station.
+
+    Attributes:
+        address: the same.
     """
 
     def __init__(self, address: Address, tokens: Tokens) -> None:
-        self._address = address
+        self.address = address
         self._tokens = tokens
 
     def right(self, protocols: Collection[str]) -> Right:
@@ -131,7 +137,7 @@ class Access:
             if hmac.compare_digest(token, self._tokens.viewer.encode()):
                 return Right.VIEW
             return Right.NONE
-        return Right.VIEW if self._address.is_local else Right.NONE
+        return Right.VIEW if self.address.is_local else Right.NONE
 
     def admits_host(self, host: str) -> bool:
         """Whether a ``Host`` is this server. A page of a stranger whose name leads here by a trick in the DNS is not.
@@ -139,14 +145,16 @@ class Access:
         Args:
             host: the header.
         """
-        name, _, port = host.rpartition(":") if not host.endswith("]") else (host, "", "80")
+        name, colon, port = host.rpartition(":")
+        if not colon or host.endswith("]"):  # browsers leave out the port 80
+            name, port = host, "80"
         name = name.removeprefix("[").removesuffix("]").lower()
-        if port != str(self._address.port):
+        if port != str(self.address.port):
             return False
-        if self._address.is_local:
-            return name in ("localhost", "127.0.0.1", "::1", self._address.host)
+        if self.address.is_local:
+            return name in ("localhost", "127.0.0.1", "::1", self.address.host)
         ours = socket.gethostname().lower()
-        return _is_number(name) or name in ("localhost", ours, f"{ours}.local", self._address.host.lower())
+        return _is_number(name) or name in ("localhost", ours, f"{ours}.local", self.address.host.lower())
 
     def admits_origin(self, origin: str | None, host: str) -> bool:
         """Whether a WebSocket comes from a page of this server. Browsers always say; a program may leave it out.
@@ -156,6 +164,17 @@ class Access:
             host: the header ``Host``.
         """
         return origin is None or origin in (f"http://{host}", f"https://{host}")
+
+
+def _of_this_machine(everywhere: str) -> str:
+    """An address at which others reach this machine; its name when it has no network."""
+    family, elsewhere = _ELSEWHERE[everywhere]
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as asking:
+            asking.connect((elsewhere, 9))  # nothing is sent
+            return str(asking.getsockname()[0])
+    except OSError:
+        return socket.gethostname()
 
 
 def _bracketed(host: str) -> str:

@@ -22,7 +22,7 @@ _BURST: Final = 200.0
 """Messages that are taken [1/s], and at once."""
 
 _MOST_BAD: Final = 20
-"""A client that has sent more that is no message is disconnected."""
+"""A client that has sent more invalid messages is disconnected."""
 
 _MOST_REPLIES: Final = 64
 """Replies that wait; the oldest goes, for a client that does not read them."""
@@ -191,7 +191,7 @@ class Client:
                 self._bad += 1
                 self.reply(id=None, order="", outcome="refused", reason=str(error))
                 if self._bad > _MOST_BAD:
-                    await self._end(TOO_MANY, f"{self._bad} messages that are none: {error}"[:100])
+                    await self._end(TOO_MANY, f"{self._bad} invalid messages: {error}"[:100])
                     return
 
     def _may_send(self) -> bool:

@@ -24,6 +24,7 @@ from basestation.dashboard.requests import (
     StopOrder,
     read_order,
 )
+from basestation.dashboard.stops import Stops
 from basestation.dashboard.watching import FleetWatch
 from muro_zenoh import channels
 from muro_zenoh.behaviours import table
@@ -33,9 +34,7 @@ from muro_zenoh.errors import MuroError, NoReply
 from muro_zenoh.messages import Break, Clear, Goal, Reply, SetBehaviour, SetCircle
 from muro_zenoh.orders.behaviour import set_behaviour
 from muro_zenoh.orders.goal import send_goal
-from muro_zenoh.orders.receipt import StopStatus
-from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
-from muro_zenoh.orders.wording import receipt_json, receipt_lines
+from muro_zenoh.orders.stop import resume_robots
 from muro_zenoh.transport import Bus
 
 log = logging.getLogger(__name__)
@@ -45,6 +44,9 @@ _MOST_AT_ONCE: Final = 8
 
 _BREAK_TIMEOUT: Final = 8.0
 """A process whose link is to be broken may have to start anew first [s]."""
+
+_OLDEST_SIGHT: Final = 0.3
+"""Nobody drives by a state that is older [s]; the time until the wish arrives counts, so that none is late, either."""
 
 _BY_HAND: Final = frozenset(name for name in table.names() if Need.HAND in table.built_in(name).needs)
 """The behaviours that are driven by hand."""
@@ -68,7 +70,7 @@ class Desk:
         self._watch = watch
         self._hands = Hands(bus)
         self._running: dict[int, set[asyncio.Task[None]]] = {}
-        self._stops: dict[int, tuple[asyncio.Task[None], list[int]]] = {}
+        self._stops = Stops(bus, watch.look)
         self._give: Mapping[type, Callable[[Any], Coroutine[Any, Any, dict[str, Any]]]] = {
             ResumeOrder: self._resume,
             GoalOrder: self._goal,
@@ -92,7 +94,8 @@ class Desk:
         if client.right is not Right.STEER and order.word not in _FREE:
             self._answer(client, order, outcome="refused", reason="only an operator may: open the operator's link")
         elif isinstance(order, StopOrder):
-            self._stop(client, order)
+            self._hands.release(order.names)
+            self._stops.stop(client, order.id, order.names)
         elif isinstance(order, DriveOrder):
             self._drive(client, order)
         elif isinstance(order, PictureOrder):
@@ -111,40 +114,12 @@ class Desk:
     async def close(self) -> None:
         """Drive nobody any more, and wait for no answer: what was ordered holds."""
         self._hands.release(())
-        tasks = {task for task, _ in self._stops.values()}.union(*self._running.values())
+        await self._stops.close()
+        tasks = set().union(*self._running.values())
         for task in tasks:
             task.cancel()
         if tasks:
             await asyncio.wait(tasks)
-
-    # ---- stop: always, at once, and as often as it is pressed
-
-    def _stop(self, client: Client, order: StopOrder) -> None:
-        """Every press sends the order anew: between two of them somebody may have resumed. The last receipt is for
-        all of them."""
-        self._hands.release(order.names)
-        ids = [order.id]
-        if client.number in self._stops:
-            running, earlier = self._stops.pop(client.number)
-            running.cancel()
-            ids = [*earlier[-16:], order.id]
-
-        async def stop() -> None:
-            result = await stop_robots(self._bus, order.names)
-            self._stops.pop(client.number, None)
-            self._watch.look()
-            for number in ids:
-                client.reply(id=number, order="stop", **_of_stop(result))
-
-        self._stops[client.number] = asyncio.create_task(stop(), name=f"stop of client {client.number}"), ids
-
-    def _end_stop(self, client: Client) -> None:
-        """Whoever resumes wants his own stop to be repeated no longer."""
-        if client.number in self._stops:
-            running, ids = self._stops.pop(client.number)
-            running.cancel()
-            for number in ids:
-                client.reply(id=number, order="stop", outcome="taken", reason="resumed before the receipt was complete")
 
     # ---- orders that are answered
 
@@ -153,8 +128,9 @@ class Desk:
         if len(running) >= _MOST_AT_ONCE:
             self._answer(client, order, outcome="refused", reason=f"{len(running)} orders are still under way")
             return
-        if isinstance(order, ResumeOrder):
-            self._end_stop(client)
+        if isinstance(order, ResumeOrder) and (reason := self._stops.make_way(client, order.names)):
+            self._answer(client, order, outcome="refused", reason=reason)
+            return
 
         async def give() -> None:
             try:
@@ -179,7 +155,7 @@ class Desk:
             log.error("%s: %r", task.get_name(), error, exc_info=error)
 
     async def _resume(self, order: ResumeOrder) -> dict[str, Any]:
-        result = await resume_robots(self._bus, order.names)
+        result = await resume_robots(self._bus, order.names, order.revision)
         still = f"still stopped: {' '.join(result.still_stopped)}" if result.still_stopped else ""
         return _of_reply(result.reply, still)
 
@@ -221,6 +197,12 @@ class Desk:
             if behaviour is None or behaviour.behaviour not in _BY_HAND:
                 runs = f"runs {behaviour.behaviour}" if behaviour is not None else "has no behaviour yet"
                 raise ValueError(f"{order.name} {runs}: choose the behaviour {' or '.join(sorted(_BY_HAND))} first")
+            age = self._bus.clock.now() - order.t
+            if (order.v, order.omega) != (0.0, 0.0) and not 0.0 <= age <= _OLDEST_SIGHT:
+                raise ValueError(
+                    f"got a wish by a state of {age:.1f} s ago, expected at most {_OLDEST_SIGHT:g} s: the connection "
+                    "is too slow to drive by hand"
+                )
             self._hands.drive(client.number, order.name, order.v, order.omega)
         except (MuroError, ValueError) as error:
             if self._hands.may_complain(client.number):
@@ -245,15 +227,3 @@ class Desk:
 
 def _of_reply(reply: Reply, reason: str = "") -> dict[str, Any]:
     return {"outcome": "taken" if reply.accepted else "refused", "reason": reason or reply.reason}
-
-
-def _of_stop(result: StopResult) -> dict[str, Any]:
-    lines = receipt_lines(result)
-    unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE)
-    latched = any(robot.status not in unheard for robot in result.robots.values())
-    answered = latched or (result.reply is not None and result.reply.accepted)
-    return {
-        "outcome": "taken" if answered else "unanswered",
-        "reason": "" if result.confirmed else lines[-1],
-        "receipt": {**receipt_json(result), "lines": lines},
-    }

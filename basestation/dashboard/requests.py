@@ -34,8 +34,9 @@ class StopOrder(Order, frozen=True, kw_only=True, tag="stop"):
 
 
 class ResumeOrder(Order, frozen=True, kw_only=True, tag="resume"):
-    """Lift the stop of ``names``; none for all robots."""
+    """Lift the stop of ``names``, none for all robots, as long as it is the one of the ``revision`` that was shown."""
 
+    revision: Annotated[int, Meta(ge=0, le=2**53)]
     names: Names = ()
 
 
@@ -72,11 +73,12 @@ class ClearOrder(Order, frozen=True, kw_only=True, tag="clear"):
 
 
 class DriveOrder(Order, frozen=True, kw_only=True, tag="drive"):
-    """Drive the robot ``name`` by hand: ``v`` [m/s], ``omega`` [rad/s]."""
+    """Drive the robot ``name`` by hand: ``v`` [m/s], ``omega`` [rad/s], by what was seen in the state of ``t`` [s]."""
 
     name: Name
     v: float
     omega: float
+    t: float
 
 
 class PictureOrder(Order, frozen=True, kw_only=True, tag="picture"):

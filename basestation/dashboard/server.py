@@ -18,6 +18,7 @@ from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from basestation.dashboard.access import PROTOCOL, Access, Right
 from basestation.dashboard.client import MOST_BYTES, NOT_ADMITTED, Client, Taker
@@ -26,6 +27,12 @@ from basestation.dashboard.frames import Frames
 STATIC: Final = Path(__file__).parent / "static"
 
 _MOST_CLIENTS: Final = 64
+
+_FOR_OPERATORS: Final = 8
+"""Of these, the places that viewers leave free."""
+
+_REQUEST_TIMEOUT: Final = 5.0
+"""A connection that has sent no request by then is closed [s]."""
 
 _PING_PERIOD: Final = 5.0
 """A client that is gone without a word is noticed within twice this time [s]."""
@@ -36,7 +43,7 @@ _HEADERS: Final = (
     # What the page runs is its own; it connects to nobody else, and no other page may frame it.
     (
         b"content-security-policy",
-        b"default-src 'self'; connect-src 'self' ws: wss:; img-src 'self' blob: data:; "
+        b"default-src 'self'; connect-src 'self'; img-src 'self' blob: data:; "
         b"style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     ),
     (b"x-content-type-options", b"nosniff"),
@@ -99,8 +106,9 @@ class Clients:
         if right is Right.NONE:
             await websocket.close(NOT_ADMITTED, "a token is required: open the link that was printed at the start")
             return
-        if len(self._clients) >= _MOST_CLIENTS:
-            await websocket.close(NOT_ADMITTED, f"{_MOST_CLIENTS} pages are open, which is the most")
+        most = _MOST_CLIENTS - (_FOR_OPERATORS if right is Right.VIEW else 0)
+        if len(self._clients) >= most:
+            await websocket.close(NOT_ADMITTED, f"{len(self._clients)} pages are open, which is the most")
             return
         client = Client(websocket, right, self._frames, self._greeting(right))
         self._clients.add(client)
@@ -132,7 +140,7 @@ class _Checked:
                 await receive()
                 await send({"type": "websocket.close", "code": 1008})
                 return
-            text = f"got the host {host!r}, expected the address that the page is served at\n"
+            text = f"got the host {host!r}, expected {self._access.address.text}: open {self._access.address.url}\n"
             await PlainTextResponse(text, 403)(scope, receive, send)
             return
 
@@ -156,6 +164,18 @@ def make_app(clients: Clients, access: Access) -> Starlette:
     return Starlette(routes=routes, middleware=[Middleware(_Checked, access=access)])
 
 
+class _Protocol(H11Protocol):
+    """uvicorn's, which lets go of connections on which no request comes: each counts against the most."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.loop.call_later(_REQUEST_TIMEOUT, self._expect_request)
+
+    def _expect_request(self) -> None:
+        if self.cycle is None and self.transport.get_protocol() is self:  # else it is a WebSocket by now
+            self.transport.close()
+
+
 class _Server(uvicorn.Server):
     """uvicorn, whose signals are the process's: the main task is cancelled, and everything with it."""
 
@@ -175,6 +195,7 @@ async def serve(app: ASGIApp, listening: socket.socket) -> None:
         app,
         lifespan="off",
         log_config=None,
+        http=_Protocol,
         access_log=False,
         ws="websockets-sansio",
         ws_max_size=4 * MOST_BYTES,

@@ -1,7 +1,7 @@
 """Which robots are not what they say: the cameras see them elsewhere, or moving otherwise, than they report.
 
-Such a robot is carried by somebody, lies about its estimate, or has lost itself. It is named to operators; the others
-take it for an obstacle where the cameras see it.
+Such a robot is carried by somebody, lies about its estimate, or has lost itself. It is named to operators. One that is
+far from where it says is an obstacle to the others, too: :mod:`basestation.fleet.table`.
 """
 
 from __future__ import annotations

@@ -18,10 +18,10 @@ STALE_AFTER = TIMEOUTS.pose
 LOST_AFTER = 2.0
 """... and for longer than this ``lost`` [s]. It stays where it was until it is seen again or cleared by an operator."""
 
-SILENT_AFTER = 1.0
-"""A robot that says nothing any more may still move for this time [s], until the dead-man acts or its pose is too old,
-and then it brakes. Its last speeds count until then. One that only its own link outward is cut off for may still drive
-after it: it is ``silent``, which makes it brake, too, and the others keep clear of it."""
+SILENT_AFTER = 0.6
+"""The last speeds of a robot that says nothing any more count for this time [s], on its way to the dead-man. One whose
+own link outward alone is cut off may still drive after it: it is ``silent``, which makes it brake, too, and the others
+keep clear of it."""
 
 _DISTANCE = 0.25
 _ANGLE = 0.6
@@ -149,12 +149,10 @@ class FleetTable:
         motion = self._motions.get(name)
         v = omega = 0.0
         state: RobotStatus = "silent"
-        silent = now - motion.arrival if motion is not None else math.inf
-        if motion is not None and silent <= SILENT_AFTER:
-            state = "tracking"
+        if motion is not None and now - motion.arrival <= SILENT_AFTER:
             if _agree(row, motion):
-                v, omega = motion.v, motion.omega
-            elif silent <= channels.ESTIMATE.stale_after:
+                state, v, omega = "tracking", motion.v, motion.omega
+            else:
                 state = "disagrees"
         if age > self._stale_after:
             state = "lost" if age > LOST_AFTER else "stale"

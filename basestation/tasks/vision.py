@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Executor
 from functools import partial
@@ -18,6 +19,7 @@ from muro_zenoh.config import Scenario
 from muro_zenoh.errors import MessageError
 from muro_zenoh.messages import Frame
 from muro_zenoh.transport import Bus, Received
+from muro_zenoh.transport.delay import UNMEASURED
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +45,8 @@ class CameraOnBus:
         self._executor = executor
         self._last_picture = b""
         self._failing = False
+        self._epoch = -1
+        self._first = -math.inf
 
     async def __aiter__(self) -> AsyncIterator[Sightings]:
         """Of the frames that arrive while one is being searched, only the newest is used."""
@@ -81,11 +85,18 @@ class CameraOnBus:
         )
 
     def _late(self, frame: Received[Frame], captured: float) -> Sightings | None:
-        """Nothing seen, and why, when a frame is too old by now: the robots have moved since."""
-        age = frame.age(self._bus.clock.now())
-        if age <= channels.CAMERA.stale_after:
+        """Nothing seen, and why, when a frame is too old by now: the robots have moved since. So may be one of a camera
+        whose clock is not known yet: it may be on a link that has been slow from its start."""
+        now = self._bus.clock.now()
+        age = frame.age(now)
+        if frame.message.epoch != self._epoch:
+            self._epoch, self._first = frame.message.epoch, now
+        unknown = frame.measured == math.inf and now - self._first < UNMEASURED
+        if age <= channels.CAMERA.stale_after and not unknown:
             return None
-        late = f"camera {self._name}: frames arrive {age:.1f} s late"
+        late = f"camera {self._name}: " + (
+            "its clock is not known yet" if unknown else f"frames arrive {age:.1f} s late"
+        )
         return Sightings(camera=self._name, captured=captured, frame="stale", complaints=(late,))
 
     def _locate(self, frame: Frame) -> Found:

@@ -45,9 +45,7 @@ CELLS: Final = tuple(
     for role in dict.fromkeys(ROLES[place] for place in fault.places)
     for activity in Activity
 )
-"""Every cell. All of them can occur: of 284, random trials that aimed at each once met 270, and the others were aimed
-at by trials that did not count (their robots stood for too long), or in which another order took the robots out of the
-state. Wheels that jam while a robot holds do something once it is to drive again."""
+"""Every cell. All of them can occur: a thousand random trials have met each (docs/checking.md)."""
 
 
 def cell_of(fault: Fault, activity: Activity) -> Cell:

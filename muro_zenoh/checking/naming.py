@@ -35,7 +35,7 @@ def named(record: Record) -> Judgement:
             continue
         for name in effect.robots:
             start = _wrong_from(record, name, effect)
-            if start + NAMED_WITHIN > record.time[-1]:
+            if start + NAMED_WITHIN > record.time[-1] or _is_unseen(record, name, effect):
                 continue
             evaluated += 1
             if not _is_named(record, name, effect.start, start + NAMED_WITHIN):
@@ -68,6 +68,12 @@ def _is_named(record: Record, name: str, start: float, end: float) -> bool:
                 if name in _words(reason) and _words(reason) not in known:
                     return True
     return False
+
+
+def _is_unseen(record: Record, name: str, effect: Effect) -> bool:
+    """Whether a robot was carried while no picture of it reached anybody, such as long after a clock was set."""
+    at = min(int(np.searchsorted(record.time, effect.start + NAMED_WITHIN)), len(record.time) - 1)
+    return effect.fault.kind == "carry" and bool(record.good_pose[at, record.names.index(name)] < effect.start)
 
 
 def _words(reason: str) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
+from muro_zenoh import channels
 from muro_zenoh.errors import MuroError
 from muro_zenoh.orders.stop import resume_robots, send_stop, stop_robots
 from muro_zenoh.orders.wording import receipt_lines, reply_line
@@ -22,7 +23,7 @@ class Desk:
     """Gives orders to all robots.
 
     The space bar stops, however often it is pressed and whatever else is under way; only the last one's receipt is
-    shown. No key both stops and resumes.
+    shown. No key both stops and resumes, and a stop that somebody else has given since r was pressed is not lifted.
 
     Args:
         bus: the bus.
@@ -34,6 +35,8 @@ class Desk:
         self._say = say
         self._running: asyncio.Task[None] | None = None
         self._asked = -math.inf
+        self._stop_state = bus.latest(channels.STOP)
+        self._seen: int | None = None  # the revision of the stop that there was when r was pressed
 
     def press(self, key: str) -> None:
         """Take a key; all others mean nothing.
@@ -48,6 +51,8 @@ class Desk:
             send_stop(self._bus, ())  # now: the run may end before the task below begins
             self._begin(self._stop(), "stop every robot")
         elif key == "r":
+            known = self._stop_state.get()
+            self._seen = known.message.revision if known is not None else None
             self._say(f"resume every robot? Press y within {_SURE:g} s; any other key: no")
         elif sure:
             self._begin(self._resume(), "resume every robot")
@@ -66,7 +71,7 @@ class Desk:
 
     async def _resume(self) -> None:
         try:
-            result = await resume_robots(self._bus, ())
+            result = await resume_robots(self._bus, (), self._seen)
         except MuroError as error:
             self._say(str(error))
             return

@@ -78,10 +78,11 @@ def load_scenario(
     """Read a scenario, or a fleet file, and check it.
 
     Args:
-        path: the TOML file, or the JSON file written from :func:`as_table` for the processes of a run.
+        path: the TOML file, or the JSON file that was written for the processes of a run: the scenario's ``name``, and
+            what :func:`as_table` gives.
         robots: number of robots: the first ones of the file, or as many made from ``[all]``.
         overrides: values by full key, such as ``{"circle.radius": 1.0}``, which override the file's.
-        name: the scenario's name; by default the file's name without its ending.
+        name: the scenario's name; by default that in a run's JSON file, or the file's name without its ending.
 
     Raises:
         ConfigError: no such file, not TOML (JSON), a wrong key, type or range, or an impossible scenario.
@@ -90,7 +91,11 @@ def load_scenario(
     given = dict(overrides or {})
     table, origin = read_file(path, given.pop("fleet", None))
     apply_overrides(table, origin, given, robots)
-    return parse_scenario(table, origin, name=name or path.stem, robots=robots)
+    if path.suffix == ".json" and "name" in table:
+        known = read_value(str, table.pop("name"), origin, "name")
+    else:
+        known = path.stem
+    return parse_scenario(table, origin, name=name or known, robots=robots)
 
 
 def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, robots: int | None = None) -> Scenario:

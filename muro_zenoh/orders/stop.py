@@ -18,6 +18,9 @@ _REPEATS: Final = 6
 _REPEAT_PERIOD: Final = 0.1
 """A stop is sent at once, and again for half a second: a robot may be connecting just now [s]."""
 
+REPEATED_FOR: Final = _REPEATS * _REPEAT_PERIOD
+"""The time from a stop until it is certain that it is repeated no more [s]."""
+
 _CONFIRMATION_TIMEOUT: Final = 2.5
 """Agents report at once when they latch a stop, and once a second besides [s]."""
 
@@ -163,12 +166,14 @@ class _Watch:
         return found
 
 
-async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
+async def resume_robots(bus: Bus, names: tuple[str, ...], revision: int | None = None) -> ResumeResult:
     """Lift a stop.
 
     Args:
         bus: the bus.
         names: of which robots; none for all.
+        revision: of the stop that the operator saw; the base station refuses when there is a newer one. None for the
+            newest that is received now.
 
     Raises:
         NoReply: the base station is silent.
@@ -184,7 +189,8 @@ async def resume_robots(bus: Bus, names: tuple[str, ...]) -> ResumeResult:
                 f"the base station is silent (waited {_STOP_STATE_TIMEOUT:g} s for its stop state), and only it can "
                 "lift a stop. Is `muro basestation` running, and on this router?"
             )
-        reply = await bus.ask(channels.RESUME, Resume(revision=known.message.revision, names=names))
+        seen = known.message.revision if revision is None else revision
+        reply = await bus.ask(channels.RESUME, Resume(revision=seen, names=names))
         answered = bus.clock.now()
         if not reply.accepted:
             return ResumeResult(reply, answered)

@@ -57,7 +57,7 @@ def write_scenario(scenario: Scenario, folder: Path) -> Path:
         The file.
     """
     path = folder / "scenario.json"
-    path.write_text(json.dumps(as_table(scenario), indent=1) + "\n")
+    path.write_text(json.dumps({"name": scenario.name, **as_table(scenario)}, indent=1) + "\n")
     return path
 
 

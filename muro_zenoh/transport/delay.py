@@ -38,7 +38,7 @@ has to cover the drift that could not be followed during a few late half minutes
 quickest of 600 messages on Wi-Fi vary by, a few milliseconds. A path longer by less is taken in, and matters to nobody.
 """
 
-_UNMEASURED = 3.0
+UNMEASURED = 3.0
 """A writer is judged by the clock of the one before it for this time [s]; a process that measures clocks has done so by
 then, and one that does not may have another clock."""
 
@@ -97,7 +97,7 @@ class DelayTracker:
             self._change_writer(epoch, arrival)
         if measured < math.inf:
             self._clock = measured
-        elif arrival - self._last.first < _UNMEASURED:
+        elif arrival - self._last.first < UNMEASURED:
             measured = self._clock
         self.measured = measured
         measure, offset = self._last.observe(stamp, arrival), arrival - stamp

@@ -56,9 +56,12 @@ class MeasuredClock:
     async def run(self) -> None:
         """Measure until cancelled."""
         while True:
+            unknown = self._estimate.best is None
             with contextlib.suppress(MuroError):  # nobody answers, or not with a reply: it is asked again
                 await self._ask()
             self._at_once = max(0, self._at_once - 1)
+            if unknown and self._estimate.best is not None:
+                continue  # the other one learns of our clock with the second question
             await asyncio.sleep(_FIRST_PERIOD if self._at_once else _PERIOD)
 
     async def _ask(self) -> None:

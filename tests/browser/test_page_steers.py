@@ -6,6 +6,7 @@ import asyncio
 import math
 import random
 import signal
+import time
 
 import pytest
 from playwright.async_api import Browser
@@ -27,7 +28,7 @@ BRAKING = 0.35
 async def test_a_click_on_the_floor_drives_a_robot_there(operator: Visit, run: PagedRun) -> None:
     """Its behaviour takes no goals: the refusal says so, and offers one that does."""
     page = operator.page
-    await page.locator("#robots button", has_text="r1").click()
+    await page.locator("#robots strong", has_text="r1").click()
     before = run.truth("r1")
     ahead = math.atan2(before.y, before.x) + 0.5  # a little on, and off the circle: others pass there
     x, y = 1.4 * math.cos(ahead), 1.15 * math.sin(ahead)
@@ -79,17 +80,17 @@ async def test_behaviours_and_the_circle_are_changed_live(operator: Visit, run: 
 
 
 async def test_stop_all_stops_all_wheels_in_half_a_second(operator: Visit, run: PagedRun) -> None:
-    """At random moments, by the button and by either key, pressed twice; benchmarks/dashboard.py: 50 times."""
+    """At random moments, by the button and by either key, pressed twice; benchmarks/page.py: 50 times."""
     chance = random.Random(1)
-    for way in ("#stop", " ", "Escape", "#stop"):
-        assert await stop_once(operator, run, way, chance.uniform(0.3, 1.5)) < seconds(STOPPED_WITHIN)
+    await operator.note_presses()
+    took = [await stop_once(operator, run, way, chance.uniform(0.1, 0.8)) for way in ("#stop", " ", "Escape")]
+    in_time(took, STOPPED_WITHIN)
 
 
 async def test_the_space_bar_stops_wherever_the_focus_is(operator: Visit, run: PagedRun) -> None:
     page = operator.page
     await page.locator("#tab-behaviour").click()
     for focused in (
-        "#tab-behaviour",
         "#theme",
         "#panel-behaviour select[name=behaviour]",
         ".fields input",
@@ -118,10 +119,10 @@ async def test_a_receipt_names_who_does_not_answer(operator: Visit, run: PagedRu
 
 
 async def test_an_idle_page_sends_nothing(operator: Visit, run: PagedRun) -> None:
-    """For three seconds here, and for a minute in benchmarks/dashboard.py."""
+    """For two seconds here, and for a minute in benchmarks/page.py."""
     await operator.page.locator("#tab-plots").click()
     await operator.page.mouse.move(300, 300)
-    await operator.page.wait_for_timeout(3000)
+    await operator.page.wait_for_timeout(2000)
     assert await operator.muro("sent") == 0
 
 
@@ -133,6 +134,7 @@ async def test_a_held_key_and_a_lost_hand_give_zero_wheels(browser: Browser, run
         "document.dispatchEvent(new Event('visibilitychange'))",
         "cut": "",
     }
+    took = []
     async with visit(browser, run.url) as opened:
         await opened.sees(run.robots)
         await by_hand(opened, "r3")
@@ -140,17 +142,20 @@ async def test_a_held_key_and_a_lost_hand_give_zero_wheels(browser: Browser, run
             key = ("ArrowLeft", "ArrowRight")[turn % 2]
             await opened.page.keyboard.down(key)
             await run.time_until(lambda: abs(run.truth("r3").omega) > 0.3, 5.0, "r3 turns")
+            lost = time.time()
             if event:
                 await opened.page.evaluate(event)
             else:
                 await opened.page.close()
-            await run.time_until(lambda: "r3" not in run.moving(), LET_GO_WITHIN + BRAKING, f"r3 stands: {loss}")
+            await run.time_until(lambda: "r3" not in run.moving(), 5.0, f"r3 stands: {loss}")
+            took.append(run.at_rest_since("r3") - lost)
             if event:
                 await opened.page.keyboard.down(key)  # as a held key repeats
             await asyncio.sleep(0.3)
             assert "r3" not in run.moving(), f"and it goes on standing: {loss}"
             if event:
                 await opened.page.keyboard.up(key)
+    in_time(took, LET_GO_WITHIN + BRAKING)
     async with visit(browser, run.url) as opened:
         await opened.sees(run.robots)
         await start(opened, "r3", "pursuit")
@@ -213,6 +218,13 @@ async def test_a_killed_base_station_shows_and_comes_back(operator: Visit, run: 
     await resume(operator)
 
 
+def in_time(took: list[float], limit: float) -> None:
+    """Each of these times is within a limit, which is scaled: they are stamps of the simulator and the browser, but
+    between the two are five processes that a busy machine may keep waiting. The best of them is within it unscaled."""
+    assert max(took) < seconds(limit), took
+    assert min(took) < limit, took
+
+
 # ---- what a person does
 
 
@@ -224,7 +236,11 @@ async def resume(opened: Visit) -> None:
 
 
 async def stop_once(opened: Visit, run: PagedRun, way: str, after: float) -> float:
-    """Stop all a while after all drive, pressing twice; returns when all wheels stood [s]. Then resume."""
+    """Stop all a while after all drive, pressing twice, and resume.
+
+    Returns:
+        The time from the press to wheels at rest, by the stamps of the browser and of the simulator [s].
+    """
     await run.time_until(lambda: len(run.moving()) == len(run.robots), 10.0, "all robots drive")
     await asyncio.sleep(after)
     page = opened.page
@@ -236,11 +252,11 @@ async def stop_once(opened: Visit, run: PagedRun, way: str, after: float) -> flo
         pressing = page.mouse.dblclick(x, y)
     else:
         pressing = page.keyboard.press(way)
-    watching = asyncio.create_task(run.time_until(lambda: not run.moving(), STOPPED_WITHIN, "all wheels stand"))
     await pressing
     if way != "#stop":
         await page.keyboard.press(way)
-    took = await watching
+    await run.time_until(lambda: not run.moving(), 5.0, "all wheels stand")
+    took = run.at_rest_since() - await opened.pressed_at()
     await page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
     await resume(opened)
     return took
@@ -259,6 +275,6 @@ async def start(opened: Visit, name: str, behaviour: str) -> None:
 
 async def by_hand(opened: Visit, name: str) -> None:
     """Take a robot by the hand."""
-    await opened.page.locator("#robots button", has_text=name).click()
+    await opened.page.locator("#robots strong", has_text=name).click()
     await opened.page.locator("#card button", has_text="Drive by hand").click()
     await opened.page.locator(".pad").wait_for()

@@ -111,7 +111,7 @@ class TestOrders:
             assert reply["receipt"]["lines"][-1] == "2 of 2 robots stopped"
             assert fleet.wheels("r1") == fleet.wheels("r2") == (0.0, 0.0)
             await client.until(lambda: client.details("r2").get("state") == "stopped", 5.0, "shown as stopped")
-            assert (await client.order("resume"))["outcome"] == "taken"
+            assert (await client.resume())["outcome"] == "taken"
             await client.until(lambda: client.details("r1").get("state") == "driving", 10.0, "r1 drives again")
 
     async def test_every_press_of_stop_is_answered_and_the_last_word_is_stop(self, fleet: PageFleet) -> None:
@@ -120,7 +120,7 @@ class TestOrders:
             numbers = [await client.send("stop", names=[]) for _ in range(5)]
             await client.until(lambda: set(numbers) <= client.replies.keys(), 10.0, "five receipts")
             assert all(client.replies[number]["receipt"]["confirmed"] for number in numbers)
-            resume = await client.send("resume")
+            resume = await client.send("resume", revision=client.state["stop"]["revision"])
             stop = await client.send("stop", names=[])
             await client.until(lambda: {resume, stop} <= client.replies.keys(), 10.0, "both replies")
             await client.until(lambda: client.details("r1").get("state") == "stopped", 5.0, "r1 is stopped")
@@ -217,12 +217,12 @@ class TestWhoMay:
                 await client.until(lambda: client.details("r1").get("state"), 10.0, "a state")
                 assert client.hello["may_steer"] is False
                 orders: list[tuple[str, dict[str, Any]]] = [
-                    ("resume", {}),
+                    ("resume", {"revision": 1}),
                     ("goal", {"name": "r1", "x": 0.0, "y": 0.0}),
                     ("behaviour", {"behaviour": "hold"}),
                     ("circle", {"radius": 0.7}),
                     ("clear", {"name": "r1"}),
-                    ("drive", {"name": "r1", "v": 0.1, "omega": 0.0}),
+                    ("drive", {"name": "r1", "v": 0.1, "omega": 0.0, "t": 0.0}),
                     ("break", {"kind": "crash", "target": "r1/agent"}),
                 ]
                 for order, values in orders:
@@ -246,6 +246,12 @@ class TestWhoMay:
             with pytest.raises(InvalidStatus):
                 async with fleet.client(**headers):
                     pass
+        reader, writer = await asyncio.open_connection(*fleet.address)
+        writer.write(b"GET / HTTP/1.1\r\nHost: lab-pc\r\nConnection: close\r\n\r\n")
+        answer = (await reader.read()).decode()
+        writer.close()
+        assert " 403 " in answer
+        assert f"expected {fleet.address.text}: open {fleet.address.url}" in answer
         async with fleet.client(origin=f"http://{fleet.address.text}") as client:
             await client.until(lambda: client.hello, 5.0, "a greeting")
 

@@ -13,7 +13,7 @@ import msgpack
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from basestation.dashboard import hands
+from basestation.dashboard import hands, server
 from basestation.dashboard.client import MOST_BYTES
 from muro_zenoh.config import parse_scenario
 from tests.support.page import TOKENS, PageClient, PageFleet, page_fleet
@@ -21,12 +21,12 @@ from tests.support.waiting import seconds
 
 ORDERS: list[dict[str, Any]] = [
     {"order": "stop", "id": 1, "names": ["r1"]},
-    {"order": "resume", "id": 2, "names": []},
+    {"order": "resume", "id": 2, "names": [], "revision": 7},
     {"order": "goal", "id": 3, "name": "r1", "x": 0.5, "y": -0.25, "theta": None},
     {"order": "behaviour", "id": 4, "behaviour": "circle", "parameters": {"speed": 0.1}, "names": ["r2"]},
     {"order": "circle", "id": 5, "x": 0.1, "y": 0.0, "radius": 0.7, "clockwise": True},
     {"order": "clear", "id": 6, "name": "r2"},
-    {"order": "drive", "id": 7, "name": "r1", "v": 0.1, "omega": -0.2},
+    {"order": "drive", "id": 7, "name": "r1", "v": 0.1, "omega": -0.2, "t": 1.7e9},
     {"order": "picture", "id": 8, "camera": "north", "on": True},
     {"order": "break", "id": 9, "kind": "delay", "target": "r1/agent", "duration": 1.0, "numbers": {"delay": 0.1}},
 ]
@@ -76,14 +76,16 @@ def mutated(rng: random.Random) -> bytes:
     return bytes(data)
 
 
+TABLE = {
+    "robots": 2,
+    "camera": {"north": {"width": 640, "height": 480}},
+    "behaviour": {"name": "pursuit"},
+}
+
+
 @pytest.fixture
 async def fleet() -> AsyncIterator[PageFleet]:
-    table = {
-        "robots": 2,
-        "camera": {"north": {"width": 640, "height": 480}},
-        "behaviour": {"name": "pursuit"},
-    }
-    async with page_fleet(parse_scenario(table, "lab.toml", name="lab")) as there:
+    async with page_fleet(parse_scenario(TABLE, "lab.toml", name="lab")) as there:
         yield there
 
 
@@ -117,7 +119,7 @@ async def test_ten_thousand_mutated_frames(fleet: PageFleet) -> None:
     async with fleet.client() as client:
         reply = await client.order("stop")
         assert reply["receipt"]["confirmed"]
-        assert (await client.order("resume"))["outcome"] == "taken"
+        assert (await client.resume())["outcome"] == "taken"
         assert not fleet.processes["basestation"].done()
 
 
@@ -224,14 +226,13 @@ async def test_a_client_that_is_cut_off_drives_nobody(fleet: PageFleet, monkeypa
 
             async def drive() -> None:
                 while True:
-                    await client.send("drive", name="r1", v=0.2, omega=0.0)
+                    await client.drive("r1", 0.2, 0.0)
                     await asyncio.sleep(0.1)
 
             driving = asyncio.create_task(drive())
             await client.until(lambda: fleet.wheels("r1")[0] > 0.1, 10.0, "it drives")
-            assert (await other.order("drive", name="r1", v=0.1, omega=0.0))[
-                "reason"
-            ] == "r1 is driven from another page"
+            refused = await other.order("drive", name="r1", v=0.1, omega=0.0, t=other.state["t"])
+            assert refused["reason"] == "r1 is driven from another page"
             driving.cancel()
             client.socket.transport.abort()
         await other.until(lambda: fleet.wheels("r1") == (0.0, 0.0), 5.0, "zero wheels")
@@ -241,13 +242,44 @@ async def test_a_client_that_is_cut_off_drives_nobody(fleet: PageFleet, monkeypa
 async def test_a_robot_that_is_not_driven_by_hand_says_so(fleet: PageFleet) -> None:
     async with fleet.client() as client:
         await client.until(lambda: client.details("r1").get("behaviour") == "pursuit", 10.0, "a behaviour")
-        reply = await client.order("drive", name="r1", v=0.1, omega=0.0)
+        reply = await client.order("drive", name="r1", v=0.1, omega=0.0, t=client.state["t"])
         assert (reply["outcome"], reply["reason"]) == ("refused", "r1 runs pursuit: choose the behaviour manual first")
         before = len(client.replies)
         for _ in range(5):
-            await client.send("drive", name="r1", v=0.1, omega=0.0)
+            await client.drive("r1", 0.1, 0.0)
         await gets_states(client)
         assert len(client.replies) <= before + 1  # once a second is enough
+
+
+async def test_viewers_leave_places_for_operators(fleet: PageFleet, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_MOST_CLIENTS", 4)
+    monkeypatch.setattr(server, "_FOR_OPERATORS", 2)
+    async with contextlib.AsyncExitStack() as stack:
+
+        async def opens(token: str) -> PageClient:
+            client = await stack.enter_async_context(fleet.client(token))
+            await client.until(lambda: client.hello or client.closed, 5.0, "a greeting")
+            return client
+
+        viewers = [await opens(TOKENS.viewer) for _ in range(3)]
+        assert [viewer.closed is None for viewer in viewers] == [True, True, False]
+        assert "2 pages are open" in viewers[2].closed[1]  # type: ignore[index]
+        operators = [await opens(TOKENS.operator) for _ in range(3)]
+        assert [operator.closed is None for operator in operators] == [True, True, False]
+
+
+async def test_a_connection_without_a_request_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And one of a page that sends nothing is not."""
+    monkeypatch.setattr(server, "_REQUEST_TIMEOUT", 0.5)
+    async with page_fleet(parse_scenario(TABLE, "lab.toml", name="lab")) as fleet, fleet.client() as client:
+        await gets_states(client)
+        for said in (b"", b"GET /ws HTTP/1.1\r\n"):
+            reader, writer = await asyncio.open_connection(*fleet.address)
+            writer.write(said)
+            async with asyncio.timeout(seconds(10.0)):
+                assert await reader.read() == b""
+            writer.close()
+        await gets_states(client)
 
 
 async def test_many_clients_get_the_same(fleet: PageFleet) -> None:

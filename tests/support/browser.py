@@ -69,6 +69,16 @@ async def chromium() -> AsyncIterator[Browser]:
             await browser.close()
 
 
+_NOTE_PRESS: Final = """
+    let before = -1e9;
+    for (const kind of ["pointerdown", "keydown"]) window.addEventListener(kind, event => {
+        const first = event.timeStamp - before > 500;
+        before = event.timeStamp;
+        if (first) window.pressedAt = (performance.timeOrigin + event.timeStamp) / 1000;
+    }, {capture: true});
+"""
+
+
 class Visit:
     """A page that somebody has open.
 
@@ -97,6 +107,14 @@ class Visit:
         """Wait until robots have a place on the canvas."""
         every = "names => window.muro && names.every(name => window.muro.screenOf(name) !== null)"
         await self.until(every, limit, list(names))
+
+    async def note_presses(self) -> None:
+        """Note when a button or key is pressed, from now on."""
+        await self.page.evaluate(_NOTE_PRESS)
+
+    async def pressed_at(self) -> float:
+        """When the newest press was, the first one of two in a row, by the clock of this machine [s since 1970]."""
+        return float(await self.page.evaluate("window.pressedAt"))
 
     async def press_on_floor(self, x: float, y: float) -> None:
         """Click a place of the floor [m, world]."""
@@ -180,10 +198,9 @@ class PagedRun:
                 self._resting.setdefault(received.name, truth.stamp)
         return [name for name in self.robots if name not in self._resting]
 
-    @property
-    def at_rest_since(self) -> float:
-        """When the last of all robots came to rest, as of :meth:`moving` [s since 1970]."""
-        return max(self._resting.values())
+    def at_rest_since(self, *names: str) -> float:
+        """When the last of these robots, or of all, came to rest, as of :meth:`moving` [s since 1970]."""
+        return max(self._resting[name] for name in names or self.robots)
 
     async def time_until(self, condition: Callable[[], bool], limit: float, what: str) -> float:
         """Wait until a condition holds; returns after which time it did [s]. Fails after ``limit`` (scaled) [s]."""

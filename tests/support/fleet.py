@@ -58,10 +58,11 @@ class RealFleet:
 
     def start(self, *names: str) -> None:
         """Start processes concurrently, and wait until all are ready."""
+        basestation = ["basestation", str(self._file), "--state", str(self._state), "--no-web"]
         commands = {
             "router": router_command(self.endpoint),
             "simulator": ["-m", "muro_zenoh", "sim", str(self._file), "--seed", str(self._seed)],
-            "basestation": ["-m", "muro_zenoh", "basestation", str(self._file), "--state", str(self._state)],
+            "basestation": ["-m", "muro_zenoh", *basestation],
         }
         for name in names:
             command = commands.get(name) or ["-m", "muro_zenoh", "agent", str(self._file), name]

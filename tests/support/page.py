@@ -190,6 +190,14 @@ class PageClient:
         await self.until(lambda: number in self.replies or self.closed, 10.0, f"a reply to {order}")
         return self.replies[number]
 
+    async def drive(self, name: str, v: float, omega: float) -> int:
+        """Drive a robot by the newest state; returns the order's id."""
+        return await self.send("drive", name=name, v=v, omega=omega, t=self.state["t"])
+
+    async def resume(self, *names: str) -> dict[str, Any]:
+        """Lift the stop that is shown, and wait for the reply."""
+        return await self.order("resume", names=names, revision=self.state["stop"]["revision"])
+
     def details(self, name: str) -> dict[str, Any]:
         """What is slow of one robot."""
         found: dict[str, Any] = self.state["details"].get(name, {})

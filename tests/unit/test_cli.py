@@ -245,7 +245,7 @@ def test_a_built_in_scenario_goes_to_the_processes_as_it_is(name: str, tmp_path:
     scenario = find_scenario(name)
     assert len(scenario.robot) == 5
     assert all(robot.tag_x and robot.tag_y and robot.tag_yaw for robot in scenario.robot.values())
-    assert load_scenario(write_scenario(scenario, tmp_path), name=name) == scenario
+    assert load_scenario(write_scenario(scenario, tmp_path)) == scenario
 
 
 SHAKY_CAMERA = {"kind": "freeze", "target": "camera/north"}

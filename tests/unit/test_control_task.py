@@ -15,7 +15,7 @@ from agents.control_loop import Outgoing, Surroundings
 from agents.master import Master
 from agents.tasks.control import Listener, Sender, Signals, control
 from muro_zenoh import channels
-from muro_zenoh.behaviours.interface import Need
+from muro_zenoh.behaviours.interface import Need, Snapshot
 from muro_zenoh.channels import Channel
 from muro_zenoh.messages import Circle, FleetSnapshot, Odometry, PoseFix, SpeedReference, VelocityCommand
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
@@ -34,9 +34,11 @@ class Loop:
         self.updates: list[
             tuple[float, list[tuple[float, PoseFix]], list[tuple[float, float, float]], Surroundings]
         ] = []
+        self.earlier: list[Snapshot] = []
         self.ended: list[float] = []
 
-    def update(self, now: float, fixes: Any, odometry: Any, around: Surroundings) -> Outgoing:
+    def update(self, now: float, fixes: Any, odometry: Any, around: Surroundings, earlier: Any) -> Outgoing:
+        self.earlier.extend(earlier)
         self.updates.append((now, list(fixes), list(odometry), around))
         return [(channels.CMD_VEL, VelocityCommand(v=0.2, omega=0.1))]
 
@@ -263,3 +265,29 @@ async def test_a_speed_for_the_behaviour_before_is_not_one_for_the_next() -> Non
         assert listener.surroundings(clock.now()).speed is None
         assert closed is not None
         assert closed._inbox._closed
+
+
+async def test_every_snapshot_is_shown_the_newest_apart_and_each_once() -> None:
+    """Two cameras give two a period, and robots that drive by different ones keep apart by both."""
+    async with listening() as (listener, other, clock):
+        out = other.publisher(channels.ALL_POSITIONS)
+
+        def shown() -> tuple[float | None, list[float]]:
+            now = clock.now()
+            newest = listener.surroundings(now).snapshot
+            return newest and newest.stamp, [snapshot.stamp for snapshot in listener.earlier]
+
+        listener.need(frozenset({Need.SNAPSHOT}))
+        assert shown() == (None, [])
+        stamps = []
+        for _ in range(3):
+            clock.advance(0.025)
+            stamps.append(out.put(FleetSnapshot(robots=())).stamp)
+        assert shown() == (stamps[2], stamps[:2])
+        assert shown() == (stamps[2], [])
+        clock.advance(0.51)
+        assert shown() == (None, [])
+        out.put(FleetSnapshot(robots=()))
+        clock.advance(0.51)
+        newer = out.put(FleetSnapshot(robots=())).stamp
+        assert shown() == (newer, []), "one that is stale is not shown"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import stat
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import msgpack
 import numpy as np
 import pytest
 
+from basestation.dashboard import access
 from basestation.dashboard import offer as offering
 from basestation.dashboard.access import Access, Address, Right, Tokens, address_of, tokens_in
 from basestation.dashboard.describing import describe, describe_faults
@@ -68,6 +70,9 @@ class TestAccess:
             "10.0.0.1:8010",
         ):
             assert not LOCAL.admits_host(host), host
+        for host in ("127.0.0.1", "localhost", "[::1]", "127.0.0.1:80"):  # browsers leave out the port 80
+            assert Access(Address("127.0.0.1", 80), TOKENS).admits_host(host), host
+        assert not Access(Address("127.0.0.1", 80), TOKENS).admits_host("evil.example")
         assert OPEN.admits_host("10.0.0.1:8010")
         assert not OPEN.admits_host("evil.example:8010")
 
@@ -97,9 +102,11 @@ class TestOffer:
         with pytest.raises(ConfigError, match="expected HOST:PORT"):
             address_of(text)
 
-    def test_addresses(self) -> None:
+    def test_addresses(self, monkeypatch: pytest.MonkeyPatch) -> None:
         assert address_of("[::1]:80") == Address("::1", 80)
         assert address_of("[::1]:80").url == "http://[::1]:80"
+        monkeypatch.setattr(access, "_ELSEWHERE", {"0.0.0.0": (socket.AF_INET, "127.0.0.1")})
+        assert address_of("0.0.0.0:80").url == "http://127.0.0.1:80", "a phone may not know the name of this machine"
         assert [Address(host, 1).is_local for host in ("::1", "127.0.0.2", "localhost", "0.0.0.0", "lab")] == [
             *(True, True, True, False, False)
         ]

@@ -8,6 +8,7 @@ import random
 from muro_zenoh import channels
 from muro_zenoh.cli.desk import Desk
 from muro_zenoh.messages import StopOrder
+from muro_zenoh.orders.stop import stop_robots
 from tests.unit.test_stop_orders import Agent, Lab, virtual
 
 
@@ -69,6 +70,21 @@ async def test_nothing_but_y_within_5_s_after_r_resumes(there: Lab) -> None:
     await operator.press("r", 5.1)
     await operator.press("y", 1.0)
     assert stopped(agents) == {"r1"}
+
+
+@virtual
+async def test_a_stop_that_somebody_else_gives_between_r_and_y_is_not_lifted(there: Lab) -> None:
+    agents = await there.agents("r1")
+    await there.base_station()
+    operator = Operator(there)
+    await operator.press(" ", 1.0)
+    await operator.press("r", 0.5)
+    await stop_robots(there.operator, ())
+    await operator.press("y", 1.0)
+    assert stopped(agents) == {"r1"}
+    assert "refused" in operator.shown[-1]
+    await operator.press("ry", 1.0)
+    assert stopped(agents) == set()
 
 
 @virtual

@@ -49,6 +49,17 @@ class TestMovement:
     def test_one_that_is_carried(self) -> None:
         assert watched(0.0, 0.0, carried=0.5)
 
+    def test_one_that_stands_and_is_carried_slowly(self) -> None:
+        assert watched(0.0, 0.0, carried=0.2)
+        assert watched(0.0, 0.0, carried=0.1) == "", "or every bump of a camera would be a doubt"
+
+    def test_one_that_drives_may_be_off_by_more(self) -> None:
+        assert watched(0.4, 0.0, carried=0.2) == ""
+
+    def test_one_that_stands_and_is_turned_slowly(self) -> None:
+        assert watched(0.0, 0.8, says=(0.0, 0.0))
+        assert watched(0.0, 0.4, says=(0.0, 0.0)) == ""
+
     def test_nothing_is_said_of_one_that_is_silent(self) -> None:
         assert watched(0.5, 0.0, says=(0.0, 0.0), silent=0.5) == ""
 

@@ -165,6 +165,14 @@ class TestNamed:
         assert not breaches(self.reported(driven, 5.7, "basestation", "r2 is not where it says"), "named")
         assert judge(driving(standing, 1, 6.0, 7.7))["named"].evaluated == 0  # the lie is over before it is one
 
+    def test_a_carried_one_is_not_judged_while_no_picture_of_it_arrives(self) -> None:
+        """A lie is: what a robot says needs no picture."""
+        for kind, seen_until, evaluated in (("carry", 1.9, 0), ("carry", 2.1, 1), ("lie", 1.9, 1)):
+            numbers = {"x": 0.5}
+            record = with_effect(still(), kind, 2.0, 4.0, **numbers)
+            blind = aged(record.good_pose, record.time, 1, seen_until)
+            assert judge(dataclasses.replace(record, good_pose=blind))["named"].evaluated == evaluated
+
     def test_not_judged_while_the_base_station_is_down(self) -> None:
         effect = Effect(fault("crash", "basestation", 2.5, 2.0), 2.5, 4.5, {"r1": Activity.DRIVING})
         record = self.lied()

@@ -130,8 +130,24 @@ def test_a_silent_robot_obeys_the_lines_and_so_do_the_others() -> None:
     before, since = ([line.bound for line in learned(*states).lines(0.0, 0.0, 1.0)] for states in (ON, (*ON, SILENT)))
     assert min(since) == min(before), "it may come as it could before, until it hears so"
     assert len(since) == len(before) + 1
-    gone = learned(*ON, "stale").lines(0.0, 0.0, 1.0)
-    assert gone == []
+    assert learned(*ON, "lost").lines(0.0, 0.0, 1.0) == []
+
+
+def test_a_stale_robot_obeys_the_lines_of_before_while_it_stops() -> None:
+    before, since = ([line.bound for line in learned(*states).lines(0.0, 0.0, 1.0)] for states in (ON, (*ON, "stale")))
+    assert since == before, "none of the newest snapshot: there it keeps nothing any more"
+
+
+@pytest.mark.parametrize(("omega", "aside"), [(0.0, 0.0), (1.5, 0.09), (-1.5, 0.09)])
+def test_a_robot_that_was_turning_may_be_found_beside_its_heading(omega: float, aside: float) -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    me = Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    known.learn(0.0, Snapshot((me, Neighbour("r1", 1.0, 0.0, math.pi, 0.4, omega, 0.0)), 0.0, 1, 0.0))
+    known.learn(0.3, Snapshot((me, Neighbour("r1", 1.0, 0.0, math.pi, 0.0, 0.0, 0.3, "stale")), 0.3, 1, 0.0))
+    (obstacle,) = known.obstacles
+    straight = 2.0 * BODY.radius + SETTINGS.margin
+    assert obstacle.keep - straight >= aside
+    assert (obstacle.keep == straight) is (omega == 0.0)
 
 
 def test_a_silent_robot_is_an_obstacle_as_far_as_it_may_have_driven_since() -> None:

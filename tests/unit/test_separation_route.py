@@ -69,6 +69,16 @@ def test_the_way_leads_round_a_neighbour_that_is_parked(omega: float, is_parked:
         assert math.hypot(0.6 - vx / 0.4 * 0.5, 0.05 - vy / 0.4 * 0.5) > 0.35
 
 
+def test_a_robot_without_a_place_to_drive_to_waits_at_no_gate() -> None:
+    route = Route(ARENA, ARENA.shrunk(KEEP), DOOR, KEEP)
+    comes = near(0.1, 0.0, vx=-0.3, theta=math.pi)
+    route.toward(0.0, (-0.8, 0.0), (0.4, 0.0), (1.2, 0.0), [comes], 0.0, True, THEIR_TURN)
+    assert route.waits
+    route.leave()
+    assert not route.waits
+    assert not route.passes
+
+
 def test_walls_that_leave_no_way_give_none() -> None:
     closed = Planner(ARENA.shrunk(KEEP), [Segment(0.0, -1.5, 0.0, 3.0, KEEP)])
     assert closed.way((-1.0, 0.0), (1.0, 0.0), []) == []

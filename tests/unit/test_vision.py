@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from contextlib import asynccontextmanager
@@ -14,6 +15,7 @@ import pytest
 from basestation.localization.localizer import Localizer
 from basestation.localization.sightings import Sightings
 from basestation.station import Station
+from basestation.tasks import vision
 from basestation.tasks.vision import cameras_on_bus
 from muro_zenoh import channels
 from muro_zenoh.config import Scenario, parse_scenario
@@ -23,6 +25,7 @@ from muro_zenoh.messages import Clear, Frame
 from muro_zenoh.runtime.virtual_time import InlineExecutor, VirtualClock, run_virtually
 from muro_zenoh.simulation.camera import OverheadCamera
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
+from muro_zenoh.transport.delay import UNMEASURED
 
 POSE = (0.3, 0.1, 0.2)
 LAB = parse_scenario({"robots": 1, "camera": {"north": {}}}, "lab.toml", name="lab")
@@ -35,6 +38,12 @@ def picture(stamp: float = 0.0, lab: Scenario = LAB, pose: tuple[float, float, f
     robot = lab.robot["r1"]
     grey = _RENDERER.render(np.array([pose]), [robot.mount], [robot.radius], _RNG)
     return Frame(stamp=stamp, width=1280, height=720, format="grey", data=grey.tobytes())
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cameras that never say how their clocks differ, and have been there for long."""
+    monkeypatch.setattr(vision, "UNMEASURED", 0.0)
 
 
 class Watched:
@@ -117,6 +126,32 @@ def test_two_cameras_with_clocks_and_latencies_of_their_own_give_fixes_of_the_ri
             await asyncio.wait({task})
 
     run_virtually(main())
+
+
+def test_pictures_are_not_used_before_the_cameras_clock_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its link may have been slow from the start. One that never says it is used after three seconds."""
+    monkeypatch.setattr(vision, "UNMEASURED", UNMEASURED)
+
+    async def used(known_from: float) -> list[bool]:
+        network, clock = MemoryNetwork(), VirtualClock()
+        async with make_bus(network.link(), clock=clock) as room, make_bus(network.link(), clock=clock) as bus:
+            watcher = Watched(bus, LAB, InlineExecutor())
+            await asyncio.sleep(0)
+            frames = room.publisher(channels.CAMERA, "north")
+            for k in range(35):
+                if 0.1 * k >= known_from:
+                    bus.clocks.note(room.epoch, 0.0, clock.now())
+                frames.put(picture(clock.now()))
+                await asyncio.sleep(0.1)
+            watcher.task.cancel()
+            await asyncio.wait({watcher.task})
+            complaints = {text for seen in watcher.seen for text in seen.complaints}
+            assert complaints <= {"camera north: its clock is not known yet"}
+            return [seen.frame == "good" for seen in watcher.seen]
+
+    assert run_virtually(used(0.0)) == [True] * 35
+    assert run_virtually(used(0.95)) == [False] * 10 + [True] * 25
+    assert run_virtually(used(math.inf)) == [False] * 30 + [True] * 5
 
 
 def test_a_camera_that_is_stuck_gives_no_poses(caplog: pytest.LogCaptureFixture) -> None:

@@ -5,11 +5,15 @@ import { messagePack } from "./vendor.js";
 /** @typedef {import("./protocol.js").Message} Message */
 /** @typedef {import("./protocol.js").Reply} Reply */
 
-/** An order that is not answered by then is reported as such [ms]. Every robot confirms a stop, which takes time. */
-const ANSWER_TIMEOUT = 6000;
+/** An order that is not answered by then is reported as such [ms]: later than the base station's own limits, of which
+ * the longest is that for what is broken by hand, 8 s. */
+const ANSWER_TIMEOUT = 10000;
 
 /** Twenty states a second come; after this long without one the link is dead, whatever the browser thinks [ms]. */
 const SILENCE = 4000;
+
+/** An attempt to connect that has not succeeded by then is given up [ms]; a browser would wait for minutes. */
+const CONNECT_TIMEOUT = 3000;
 
 /** Waits between attempts to connect [ms]. */
 const RETRIES = [250, 500, 1000, 2000];
@@ -59,6 +63,11 @@ export class Connection {
     setInterval(() => {
       if (this.open && performance.now() - this.heard > SILENCE) this.#lost();
     }, 500);
+  }
+
+  /** How much that was sent is still in this machine [bytes]. */
+  get buffered() {
+    return this.#socket?.bufferedAmount ?? 0;
   }
 
   /**
@@ -120,6 +129,9 @@ export class Connection {
       this.#lost();
     };
     this.#socket = socket;
+    setTimeout(() => {
+      if (this.#socket === socket && !this.open) this.#lost();
+    }, CONNECT_TIMEOUT);
   }
 
   #lost() {

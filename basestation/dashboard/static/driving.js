@@ -2,7 +2,8 @@
  * Driving one robot by hand, by keys or by a thumb-stick.
  *
  * While a hand is on them, a wish is sent ten times a second, and one of zeros when it is taken off. Nothing else is
- * sent. A hand is off when the key or finger is lifted, and when the page loses the focus, is hidden or is left.
+ * sent. A hand is off when the key or finger is lifted, and when the page loses the focus, is hidden or is left; also
+ * where the browser may not say that a key was lifted, and when the robot is not seen as it is now.
  */
 
 /** The behaviour that obeys a hand. */
@@ -10,6 +11,15 @@ export const MANUAL = "manual";
 
 /** [ms] */
 const PERIOD = 100;
+
+/** Nobody drives by what was seen longer ago [ms]. */
+const OLD = 300;
+
+/** A wish that waits longer than this to be sent would come too late [ms]. */
+const STUCK = 300;
+
+/** With these held the system may take the release of another key for itself: macOS does so with Cmd. */
+const MODIFIERS = new Set(["Meta", "Control", "Alt", "AltGraph", "OS"]);
 
 /** @type {Record<string, [number, number]>} how much forwards, and to the left. */
 const KEYS = {
@@ -35,20 +45,28 @@ export class Driving {
   #held = new Set();
   /** @type {number | undefined} */
   #timer;
+  /** When all that was sent had last left the page [ms, performance.now()]. */
+  #flowed = 0;
 
   /**
    * @param {import("./connection.js").Connection} connection
    * @param {import("./fleet.js").Fleet} fleet
-   * @param {() => void} changed  called when the wish changes.
+   * @param {{changed: () => void, released: () => void}} heard  called when the wish changes, and when the hand must
+   *   come anew although it may still be there.
    */
-  constructor(connection, fleet, changed) {
+  constructor(connection, fleet, { changed, released }) {
     this.connection = connection;
     this.fleet = fleet;
     this.changed = changed;
+    this.released = released;
     window.addEventListener("keydown", (event) => this.#down(event));
     window.addEventListener("keyup", (event) => this.#up(event));
     window.addEventListener("blur", () => this.letGo());
     window.addEventListener("pagehide", () => this.letGo());
+    window.addEventListener("contextmenu", () => this.letGo()); // it takes the keys
+    for (const kind of /** @type {const} */ (["keydown", "keyup"])) {
+      window.addEventListener(kind, ({ key }) => MODIFIERS.has(key) && this.letGo(), { capture: true });
+    }
     document.addEventListener("visibilitychange", () => document.hidden && this.letGo());
   }
 
@@ -70,15 +88,14 @@ export class Driving {
    */
   steer(forwards, left) {
     if (!this.name) return;
-    const resting = forwards === 0 && left === 0;
-    if (resting) return this.letGo();
     this.#wish([forwards, left]);
   }
 
-  /** The hand is off: zero, at once. */
+  /** The hand is off: zero, at once. A key or finger that is still there must come anew. */
   letGo() {
     this.#held.clear();
     this.#wish([0, 0]);
+    this.released();
   }
 
   /** @param {KeyboardEvent} event */
@@ -110,10 +127,12 @@ export class Driving {
   #wish(wish) {
     const [forwards, left] = wish;
     if (forwards === this.wish[0] && left === this.wish[1]) return;
+    const begins = this.wish[0] === 0 && this.wish[1] === 0;
     this.wish = wish;
-    this.#send();
     window.clearInterval(this.#timer);
+    if (begins) this.#flowed = performance.now();
     this.#timer = forwards === 0 && left === 0 ? undefined : window.setInterval(() => this.#send(), PERIOD);
+    this.#send();
     this.changed();
   }
 
@@ -126,22 +145,28 @@ export class Driving {
   }
 
   #send() {
-    const [speed, turning] = this.#limits();
+    const { connection, fleet } = this;
     const [forwards, left] = this.wish;
-    const sent = this.connection.send({
+    const now = performance.now();
+    if (connection.buffered === 0) this.#flowed = now;
+    if ((forwards !== 0 || left !== 0) && (now - connection.heard > OLD || now - this.#flowed > STUCK)) {
+      return this.letGo();
+    }
+    const [speed, turning] = this.#limits();
+    const sent = connection.send({
       order: "drive",
       id: 0,
       name: this.name,
       v: this.pace * forwards * speed,
       omega: this.pace * left * turning,
+      t: fleet.state?.t ?? 0,
     });
-    if (!sent) {
-      // The connection is gone, and with it the hand: when it comes back the key must be pressed anew.
-      this.#held.clear();
-      this.wish = [0, 0];
-      window.clearInterval(this.#timer);
-      this.#timer = undefined;
-      this.changed();
-    }
+    if (sent) return;
+    // The connection is gone, and with it the hand.
+    this.wish = [0, 0];
+    window.clearInterval(this.#timer);
+    this.#timer = undefined;
+    this.changed();
+    this.letGo();
   }
 }

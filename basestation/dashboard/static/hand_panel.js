@@ -27,6 +27,11 @@ export class HandPanel {
     );
   }
 
+  /** The finger on the stick must come anew. */
+  release() {
+    this.#stick.release();
+  }
+
   /** Show where the stick is, by whatever hand. */
   showWish() {
     this.#stick.show(this.driving.wish);

@@ -50,14 +50,18 @@ function start() {
     connection,
     fleet,
     orders,
+    () => driving.letGo(),
   );
   new Theme(at("theme"), recolour);
   const palette = new Palette();
   const pictures = new Pictures(connection, () => arena.redraw());
   const arena = new Arena(byId("floor", HTMLCanvasElement), fleet, palette, pictures);
   const link = new Link({ word: at("link"), veil: at("veil"), body: document.body }, connection);
-  const driving = new Driving(connection, fleet, () => card.showWish());
-  const card = new RobotCard(at("card"), arena, orders, driving);
+  const driving = new Driving(connection, fleet, {
+    changed: () => card.showWish(),
+    released: () => card.releaseStick(),
+  });
+  const card = new RobotCard(at("card"), arena, orders, driving, stop);
   const list = new RobotList(at("robots"), at("aside"), fleet, choose);
   const behaviours = new BehaviourPanel(at("panel-behaviour"), fleet, orders);
   const circle = new CirclePanel(at("panel-behaviour"), arena, orders);
@@ -90,8 +94,10 @@ function start() {
       arena.take(message.t);
     } else if (message.kind === "picture") {
       void pictures.take(message);
-    } else if (message.outcome === "refused") {
-      orders.notice(`Drive ${driving.name}`, message);
+    } else if (message.order === "drive") {
+      orders.notice(`Drive ${driving.name}`, message); // answered only when it is refused
+    } else {
+      orders.notice(message.order ? `A late answer to ${message.order}` : "A message", message);
     }
   }
 
@@ -104,8 +110,8 @@ function start() {
 
   /** @param {string} name */
   function choose(name) {
-    if (name !== driving.name) driving.take("");
     arena.selected = name === arena.selected ? "" : name;
+    if (arena.selected !== driving.name) driving.take(""); // nobody drives what is not shown to be driven
     arena.redraw();
     show();
   }
@@ -189,8 +195,8 @@ function look(arena, pictures, fleet) {
       arena.redraw();
     };
   };
-  on("nearer", () => arena.view.zoom(1.4));
-  on("farther", () => arena.view.zoom(1 / 1.4));
+  on("zoom-in", () => arena.view.zoom(1.4));
+  on("zoom-out", () => arena.view.zoom(1 / 1.4));
   on("all", () => arena.view.fit());
   on("pictures", () => {
     pictures.want(Object.keys(fleet.hello?.cameras ?? {}), !pictures.on);

@@ -63,7 +63,7 @@ export class Plots {
     });
     freeze.onclick = () => {
       this.frozen = !this.frozen;
-      freeze.textContent = this.frozen ? "Go on" : "Freeze";
+      freeze.textContent = this.frozen ? "Unfreeze" : "Freeze";
       freeze.ariaPressed = String(this.frozen);
     };
     this.#picker = element("fieldset", { className: "picker" });

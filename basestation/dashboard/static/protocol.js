@@ -65,6 +65,7 @@
  * @property {Condition} state
  * @property {string} reason  why it does not drive; empty for one that does.
  * @property {string} note  what the separation filter does.
+ * @property {string[]} [complaints]  what else its agent complains of.
  * @property {"tracking" | "disagrees" | "stale" | "lost" | null} seen
  * @property {boolean} alive  whether its agent is.
  * @property {number | null} pose_age  median of the last second [s].

@@ -4,6 +4,7 @@ import { element, say } from "./dom.js";
 import { MANUAL } from "./driving.js";
 import { goalForm } from "./goal_form.js";
 import { HandPanel } from "./hand_panel.js";
+import { Receipt } from "./receipt.js";
 import { figure, WORDS } from "./words.js";
 
 /** @typedef {import("./fleet.js").Robot} Robot */
@@ -19,19 +20,23 @@ export class RobotCard {
   #hand = null;
   /** @type {HTMLElement | null} */
   #follow = null;
+  /** What came of the stop of this robot. */
+  #stopped = { name: "", element: element("div", {}) };
 
   /**
    * @param {HTMLElement} card
    * @param {import("./arena.js").Arena} arena
    * @param {import("./orders.js").Orders} orders
    * @param {import("./driving.js").Driving} driving
+   * @param {import("./stop.js").StopDesk} stop
    */
-  constructor(card, arena, orders, driving) {
+  constructor(card, arena, orders, driving, stop) {
     this.card = card;
     this.arena = arena;
     this.fleet = arena.fleet;
     this.orders = orders;
     this.driving = driving;
+    this.stop = stop;
   }
 
   /** @returns {Robot | undefined} */
@@ -65,9 +70,14 @@ export class RobotCard {
     );
     this.#say("speed", `${figure(robot.v)} m/s, ${figure(robot.omega)} rad/s`);
     this.#say("command", `${figure(robot.command[0])} m/s, ${figure(robot.command[1])} rad/s`);
-    this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms`);
+    this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms ago`);
     this.#say("calibration", `${figure(calD, 3)}, turning ${figure(cal0, 3)}`);
     this.#say("note", [details.note, wheels].filter(Boolean).join("; ") || "–");
+  }
+
+  /** Whoever has a finger on the stick must come anew. */
+  releaseStick() {
+    this.#hand?.release();
   }
 
   /** Show where the stick is. */
@@ -162,6 +172,7 @@ export class RobotCard {
       element("div", { className: "bar" }, element("h2", {}, name), close),
       ...(this.#hand === null ? [] : [this.#hand.element]),
       this.#buttons(robot),
+      this.#receiptOf(name),
       this.#facts(),
     );
     if (this.fleet.maySteer && !driven) this.card.append(goalForm((x, y, theta) => this.sendTo(x, y, theta)));
@@ -175,7 +186,7 @@ export class RobotCard {
       place: "Place",
       speed: "Speed",
       command: "Commanded",
-      age: "Seen ago",
+      age: "Last seen",
       calibration: "Calibration",
       note: "Note",
     };
@@ -187,9 +198,15 @@ export class RobotCard {
     return list;
   }
 
+  /** Where the receipt of a robot's stop is shown: it stays while the card is made anew. @param {string} name */
+  #receiptOf(name) {
+    if (this.#stopped.name !== name) this.#stopped = { name, element: element("div", { role: "status" }) };
+    return this.#stopped.element;
+  }
+
   /** @param {Robot} robot */
   #buttons({ name, condition }) {
-    const { fleet, arena, orders, driving } = this;
+    const { fleet, arena, orders, driving, stop } = this;
     /**
      * @param {string} label
      * @param {() => void} does
@@ -201,11 +218,9 @@ export class RobotCard {
       return made;
     };
     const row = element("div", { className: "buttons" });
-    row.append(button(`Stop ${name}`, () => void orders.give(`Stop ${name}`, { order: "stop", names: [name] })));
+    row.append(button(`Stop ${name}`, () => void stop.stop([name], new Receipt(this.#receiptOf(name)))));
     if (fleet.maySteer && fleet.isStopped(name) && !fleet.stop.all) {
-      row.append(
-        button(`Resume ${name}`, () => void orders.give(`Resume ${name}`, { order: "resume", names: [name] })),
-      );
+      row.append(stop.resumeButton(name, [name]).element);
     }
     this.#follow = button("Follow", () => {
       arena.view.followed = arena.view.followed === name ? "" : name;
@@ -214,7 +229,7 @@ export class RobotCard {
     row.append(this.#follow);
     if (!fleet.maySteer) return row;
     if (condition === "lost") {
-      row.append(button("It was taken away", () => void orders.give(`Forget ${name}`, { order: "clear", name })));
+      row.append(button("Remove from the floor", () => void orders.give(`Forget ${name}`, { order: "clear", name })));
     }
     const driven = driving.name === name;
     row.append(button(driven ? "Let go" : "Drive by hand", () => void this.#takeByHand(driven ? "" : name), driven));

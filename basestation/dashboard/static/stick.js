@@ -4,6 +4,9 @@
 const DEAD = 0.12;
 
 export class Stick {
+  /** The finger that moves it. @type {number | null} */
+  #finger = null;
+
   /**
    * @param {HTMLElement} pad  in which the knob moves.
    * @param {HTMLElement} knob
@@ -14,13 +17,31 @@ export class Stick {
     this.knob = knob;
     this.moved = moved;
     pad.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      this.#finger = event.pointerId;
       pad.setPointerCapture(event.pointerId);
       this.#follow(event);
     });
-    pad.addEventListener("pointermove", (event) => pad.hasPointerCapture(event.pointerId) && this.#follow(event));
+    // A finger that rests on it asks for no menu, which would take the hand off.
+    pad.addEventListener("contextmenu", (event) => {
+      event.preventDefault();
+      event.stopPropagation();
+    });
+    pad.addEventListener("pointermove", (event) => this.#follow(event));
     for (const kind of /** @type {const} */ (["pointerup", "pointercancel", "lostpointercapture"])) {
-      pad.addEventListener(kind, () => moved(0, 0));
+      pad.addEventListener(kind, (event) => {
+        if (event.pointerId !== this.#finger) return;
+        this.#finger = null;
+        moved(0, 0);
+      });
     }
+  }
+
+  /** Follow the finger that is on it no longer: it must come anew. */
+  release() {
+    const finger = this.#finger;
+    this.#finger = null;
+    if (finger !== null && this.pad.hasPointerCapture(finger)) this.pad.releasePointerCapture(finger);
   }
 
   /**
@@ -35,6 +56,7 @@ export class Stick {
 
   /** @param {PointerEvent} event */
   #follow(event) {
+    if (event.pointerId !== this.#finger) return;
     const box = this.pad.getBoundingClientRect();
     const reach = box.width / 2 - this.knob.clientWidth / 2;
     const left = (box.left + box.width / 2 - event.clientX) / reach;

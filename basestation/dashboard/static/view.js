@@ -92,7 +92,7 @@ export class View {
   }
 
   /**
-   * Come nearer, or go away; the floor at a pixel stays there.
+   * Zoom in or out; the floor at a pixel stays there.
    *
    * @param {number} factor
    * @param {number} [px]

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import Bounds, State
+from muro_zenoh.safety.separation.gates import Gate
 from muro_zenoh.safety.separation.guidance import UNHURRIED, Near, is_busy
+from muro_zenoh.safety.separation.knowledge import WALL
 from muro_zenoh.safety.separation.line import Point
 from muro_zenoh.safety.separation.liveness import roomiest
 
@@ -24,6 +26,10 @@ _PARKED: Final = 0.8
 """A robot that has been where it wants to be counts as parked up to this far from there [m]."""
 
 
+_BESIDE: Final = 0.35
+"""It keeps out of a passage by this [m]."""
+
+
 class _Yield(NamedTuple):
     other: str
     spot: Point
@@ -31,9 +37,14 @@ class _Yield(NamedTuple):
 
 
 class Courtesy:
-    """Whether one robot makes room now, and where to."""
+    """Whether one robot makes room now, and where to.
 
-    def __init__(self) -> None:
+    Args:
+        gates: passages in which nobody makes room for another one.
+    """
+
+    def __init__(self, gates: Sequence[Gate] = ()) -> None:
+        self._passages = [Near(gate.x, gate.y, 0.0, 0.0, gate.half + _BESIDE, WALL) for gate in gates]
         self._home: Point | None = None
         self._yields: _Yield | None = None
         self._again = -math.inf
@@ -84,7 +95,7 @@ class Courtesy:
                 continue
             if dx * math.cos(other.theta) + dy * math.sin(other.theta) < 0.25 * away:
                 continue
-            ux, uy = roomiest(state, near, inside, UNHURRIED, other)
+            ux, uy = roomiest(state, [*near, *self._passages], inside, UNHURRIED, other)
             if (ux, uy) != (0.0, 0.0):
                 x, y = inside.nearest(state.x + ux / UNHURRIED * _STEP, state.y + uy / UNHURRIED * _STEP)
                 return _Yield(other.name, (x, y), now)

@@ -75,8 +75,17 @@ class Separation:
         self._route = Route(arena, self._inside, walls, keep)
         self._free = True
         """Whether the robot did as it wanted in the last step."""
-        self._courtesy = Courtesy()
+        self._courtesy = Courtesy(self._route.gates)
         self._patience = Patience(sorted({name, *others}).index(name))
+
+    def learn(self, now: float, snapshot: SharedSnapshot) -> None:
+        """Take a snapshot that came before the newest one: others keep apart by it.
+
+        Args:
+            now: the time [s].
+            snapshot: all robots.
+        """
+        self._known.learn(now, snapshot)
 
     def step(
         self,
@@ -154,6 +163,8 @@ class Separation:
         if target is not None:
             queues = not patience.retreating
             velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues, clock)
+        else:
+            self._route.leave()
         ux, uy = velocity
         rows = rows_of(x, y, near)
         parked = self._route.parked if target is not None and velocity != desired else ()

@@ -21,6 +21,8 @@ Wall = tuple[float, float, float, float]
 WALL: Final = "the wall"
 _KEEPS_APART: Final = ("tracking", "silent")
 """States of a robot that obeys the lines: a silent one still drives by them until it hears that it is silent."""
+_STOPS: Final = "stale"
+"""The state of one that obeys those of before, and stops: it has no fresh pose."""
 
 GAP: Final = 0.3
 """After a gap of this length in the snapshots a robot listens before it drives [s]: it may have missed those that the
@@ -98,7 +100,7 @@ class Knowledge:
             for other, known in others.items()
         }
         self._tracked: list[tuple[RobotSeen, _Mate, float]] = []  # with the speed to expect
-        self._speeds: dict[str, float] = {}
+        self._speeds: dict[str, tuple[float, float]] = {}  # v [m/s], omega [rad/s] when they were last known
         self.obstacles: tuple[Obstacle, ...] = ()
         """Robots that do not keep apart by themselves, or may drive otherwise than the newest snapshot says."""
         self._seen: list[tuple[RobotSeen, float, float]] = []
@@ -170,9 +172,9 @@ class Knowledge:
             mate = self._mates.get(name)
             tracked = mate is not None and row.state == "tracking"
             if tracked:
-                self._speeds[name] = row.v
-            if mate is not None and row.state in _KEEPS_APART:
-                self._tracked.append((row, mate, self._speeds.get(name, 0.0)))
+                self._speeds[name] = row.v, row.omega
+            if mate is not None and (row.state in _KEEPS_APART or row.state == _STOPS):
+                self._tracked.append((row, mate, self._speeds.get(name, (0.0, 0.0))[0]))
             if mate is not None and tracked:
                 self._seen.append((row, mate.keep, row.v))
             else:
@@ -186,10 +188,13 @@ class Knowledge:
         return _stretch_of(row.x, row.y, row.theta, row.v, body, body.radius + self._half_margin)
 
     def _obstacle(self, row: RobotSeen, body: Body, keep: float) -> Obstacle:
-        """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking."""
-        v = self._speeds.get(row.name, 0.0)
+        """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking. One that
+        turned may have gone on straight, or have turned further, so it is wider by how far that leads aside."""
+        v, omega = self._speeds.get(row.name, (0.0, 0.0))
         far = v * self._settings.hold + stopping_distance(v, body)
-        return Obstacle(row.x, row.y, far * math.cos(row.theta), far * math.sin(row.theta), keep, row.name)
+        turn = abs(omega) * (self._settings.hold + abs(v) / body.brake)
+        aside = abs(far) * math.sin(min(0.5 * turn, 0.5 * math.pi))
+        return Obstacle(row.x, row.y, far * math.cos(row.theta), far * math.sin(row.theta), keep + aside, row.name)
 
     def lines(self, x: float, y: float, reach: float) -> list[Line]:
         """The lines that a robot could cross.

@@ -41,7 +41,8 @@ class Route:
 
     def __init__(self, arena: Bounds, inside: Bounds, walls: Sequence[Wall], keep: float) -> None:
         self._planner = Planner(inside, [Segment(x, y, p - x, q - y, keep) for x, y, p, q in walls])
-        self._gates = gates_between(walls, arena, keep)
+        self.gates = gates_between(walls, arena, keep)
+        """The narrow passages between the walls."""
         self._plan: list[Point] = []
         self._search: Iterator[list[Point] | None] | None = None
         self._plan_again = self._follow_until = -math.inf
@@ -86,7 +87,7 @@ class Route:
         self.waits = False
         self._notice_parked(now, near)
         straight = self._sees(here, target) and stood < _STANDS and now >= self._follow_until
-        if straight and not self._gates:
+        if straight and not self.gates:
             return velocity
         if straight:
             self._plan, self._search = [here, target], None
@@ -101,7 +102,7 @@ class Route:
             if found is not None:
                 self._plan, self._search = found, None
         speed = math.hypot(*velocity)
-        self._gate = gate_ahead(self._gates, [here, *self._plan[1:]]) if self._gates and queues else None
+        self._gate = gate_ahead(self.gates, [here, *self._plan[1:]]) if self.gates and queues else None
         if self._gate is not None:
             place = place_to_wait(self._gate, *here, near, clock)
             if place is not None:
@@ -130,6 +131,10 @@ class Route:
             if away < other.keep - _CLOSE and away < math.dist(start, (other.x, other.y)) - _CLOSE:
                 return False
         return self._planner.sees(start, end)
+
+    def leave(self) -> None:
+        """There is no place to drive to any more, and no turn to wait for."""
+        self._gate, self.waits, self.parked = None, False, []
 
     def face_gate(self, state: State) -> Twist2:
         """A turn on the spot toward the gate in front of which the robot waits; none when it looks that way.

@@ -366,7 +366,7 @@ def test_contacts_are_found_in_the_truth() -> None:
 
 _DIGEST = """
 from muro_zenoh.checking.run import run_fleet
-from tests.integration.test_virtual_fleet import FAULTS, lab
+from tests.fleets.test_virtual_fleet import FAULTS, lab
 faults = [{**fault, "at": 1.0 + 0.2 * number, "duration": 0.5} for number, fault in enumerate(FAULTS)]
 print(run_fleet(lab(*faults, behaviour="pursuit", robots=4, separation={}), 3).digest())
 """
