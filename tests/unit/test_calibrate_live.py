@@ -7,6 +7,7 @@ import asyncio
 import numpy as np
 import pytest
 
+from basestation.calibration import tag_tracks
 from basestation.calibration.watching import watch_drive
 from muro_zenoh import channels
 from muro_zenoh.config import parse_scenario
@@ -21,6 +22,15 @@ LAB = parse_scenario(
     "lab.toml",
     name="lab",
 )
+
+
+def test_the_drive_is_searched_with_the_cameras_own_detector(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[tuple[str, str]] = []
+    monkeypatch.setattr(tag_tracks, "TagDetector", lambda family, library: made.append((family, library)))
+    camera = {"north": {"family": "DICT_APRILTAG_36h11", "detector": "apriltag"}}
+    lab = parse_scenario({"robots": 1, "camera": camera}, "lab.toml", name="lab")
+    tag_tracks.make_search(lab, "north", 0)
+    assert made == [("DICT_APRILTAG_36h11", "apriltag")]
 
 
 def test_both_cameras_tags_come_with_their_capture_times_and_damaged_pictures_do_not() -> None:
