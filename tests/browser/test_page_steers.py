@@ -219,10 +219,10 @@ async def test_a_killed_base_station_shows_and_comes_back(operator: Visit, run: 
 
 
 def in_time(took: list[float], limit: float) -> None:
-    """Each of these times is within a limit, which is scaled: they are stamps of the simulator and the browser, but
-    between the two are five processes that a busy machine may keep waiting. The best of them is within it unscaled."""
+    """Each of these times is within a limit. They are stamps of the browser and of the simulator, without this test's
+    own delays; the limit is scaled all the same, because between the two are five processes that a busy machine keeps
+    waiting. benchmarks/page.py holds fifty of them to the limit itself."""
     assert max(took) < seconds(limit), took
-    assert min(took) < limit, took
 
 
 # ---- what a person does
