@@ -81,7 +81,7 @@ def fit_lens(views: Sequence[BoardView], size: tuple[int, int], *, height: float
         worst = int(rms.argmax())
         if rms[worst] <= _CONTRADICTS * np.median(rms):
             break
-        # Without the worst view the others must fit better: then it was the one, and the others agree.
+        # One at a time: the worst view pulls at the lens, and what it does to the others is gone without it.
         reason = (
             f"{kept[worst].name} contradicts the other views: its corners are {rms[worst]:.2f} px off, "
             f"those of the others {np.median(rms):.2f} px"

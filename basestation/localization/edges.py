@@ -39,7 +39,7 @@ _AHEAD, _BEFORE = [1, 2, 3, 0], [3, 0, 1, 2]
 class EdgeReader:
     """Finds tags again whose corners are known within a few pixels, all of them at once.
 
-    Each side is where the grey levels rise from ink to paper, at ten places along it, and a corner is where two sides
+    Each side is where the grey levels rise from ink to paper, at eight places along it, and a corner is where two sides
     meet. That is as exact as the search of a detector and several times faster, but it knows nothing of what it was not
     asked for: a tag is only found again when each cell of its print is as it must be.
 

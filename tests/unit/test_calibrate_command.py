@@ -239,6 +239,7 @@ class TestDrive:
         )
         assert "camera north saw r1 in 0 places" in muro(*start, *lens, "--height", "north=2").stderr
         assert "got 'south', expected one of north" in muro(*start, "--height", "south=2").stderr
+        assert "--frame: got 'north', which has no calibration" in muro(*start, *lens, "--frame", "north").stderr
         assert "--distance: got '40'" in muro(*start, *lens, "--distance", "40").stderr
         assert "no camera saw both floor tags 40 and 41" in muro(*start, *lens, "--distance", "40,41=2").stderr
 

@@ -195,7 +195,7 @@ class TestLens:
 
     def test_a_stretched_print(self) -> None:
         wide = tuple(BoardView(v.name, v.ids, v.points * (1.05, 1.0, 1.0), v.pixels, v.blur) for v in views())
-        with pytest.raises(CalibrationError, match=r"contradicts|same scale across and down|printed with other scales"):
+        with pytest.raises(CalibrationError, match=r"printed with other scales across and down"):
             calibrate(wide)
 
     def test_another_board(self) -> None:

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ParamSpec, TypeVar
 
+import msgspec
 import numpy as np
 import pytest
 
 from agents.base.simulated import STEP, Floor
 from agents.simulated_camera import SimulatedCamera
 from muro_zenoh import channels
-from muro_zenoh.config import parse_scenario
+from muro_zenoh.config import Scenario, parse_scenario
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.messages import Frame
 from muro_zenoh.runtime.clock import Clock, SystemClock
@@ -56,7 +57,7 @@ class Filming:
 
 
 @asynccontextmanager
-async def filming(executor: Executor, clock: Clock) -> AsyncIterator[Filming]:
+async def filming(executor: Executor, clock: Clock, lab: Scenario = LAB) -> AsyncIterator[Filming]:
     network = MemoryNetwork()
     plant = Plant(np.zeros((2, 3)), np.random.default_rng(0))
     async with make_bus(network.link(), clock=clock) as bus, make_bus(network.link(), clock=clock) as station:
@@ -65,7 +66,7 @@ async def filming(executor: Executor, clock: Clock) -> AsyncIterator[Filming]:
             bus.publisher(channels.CAMERA, "north"),
             LAB.camera["north"],
             NORTH,
-            LAB,
+            lab,
             Floor(plant, clock),
             1,
             executor,
@@ -101,6 +102,25 @@ def test_frames_are_stamped_at_capture_and_sent_a_latency_later() -> None:
             gaps = np.diff([frame.message.stamp for frame in got])
             assert gaps.mean() == pytest.approx(PERIOD, abs=STEP / len(gaps) + 1e-6)
             assert north.camera.skipped == 0
+
+    run_virtually(main())
+
+
+def test_latency_varies_and_frames_are_lost_as_the_settings_say() -> None:
+    """Between the latency and the jitter more, never out of order; about one in four is lost, and counted."""
+    hidden = msgspec.structs.replace(LAB.simulation, camera_jitter=0.03, camera_loss=0.25)
+    unsteady = msgspec.structs.replace(LAB, simulation=hidden)
+
+    async def main() -> None:
+        async with filming(InlineExecutor(), VirtualClock(), unsteady) as north:
+            await asyncio.sleep(20.0)
+            got = north.received()
+            ages = np.array([frame.arrival - frame.message.stamp for frame in got])
+            assert LATENCY - 1e-6 <= ages.min() < LATENCY + 0.006
+            assert LATENCY + 0.024 < ages.max() <= LATENCY + 0.03 + STEP + 1e-6
+            assert np.diff([frame.message.stamp for frame in got]).min() > 0.0
+            assert 0.17 < north.camera.lost / north.camera.captured < 0.33
+            assert len(got) == pytest.approx(north.camera.captured - north.camera.lost, abs=2)
 
     run_virtually(main())
 
