@@ -408,7 +408,7 @@ def test_a_robot_that_nobody_hears_stands_until_it_is_heard_again() -> None:
         rows = (record.time >= begin) & (record.time < end)
         return not record.command[rows, robot].any()
 
-    assert drives(0, 2.5, 3.9)
-    assert stands(0, 4.3, 6.0)
+    assert drives(0, 2.5, 3.5)
+    assert stands(0, 3.9, 6.0)
     assert drives(1, 2.5, 9.0)
     assert drives(0, 7.5, 9.0)

@@ -110,6 +110,14 @@ def test_what_was_known_before_the_clock_was_set_back_is_forgotten(back: float) 
     assert [learn(1.0 - back + 0.05 * k, 1.05 + 0.05 * k, 0.8) for k in range(1, 21)][-1] == ""
 
 
+def test_an_age_below_zero_makes_no_line_forgotten() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY}, SETTINGS)
+    for k, age in enumerate((0.0, 0.0, -1e12)):
+        rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, age), Neighbour("r1", 0.8, 0.0, math.pi, 0.0, 0.0, age))
+        known.learn(0.05 * k, Snapshot(rows, 0.05 * k, 1, 0.0))
+    assert [received.sent for received in known._received] == pytest.approx([0.0, 0.05, 0.1])
+
+
 # ---- a robot whose estimates do not reach the base station
 
 

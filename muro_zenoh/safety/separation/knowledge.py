@@ -157,7 +157,7 @@ class Knowledge:
         if not received or sent - received[-1].sent > GAP:
             self._listening_since = sent
         received.append(taken)
-        oldest_row = min(max([row.age for row in rows.values()], default=0.0), _OLDEST_ROW)
+        oldest_row = min(max([0.0, *(row.age for row in rows.values())]), _OLDEST_ROW)
         oldest = sent - self._span - oldest_row
         while received[0].sent < oldest:
             received.popleft()
