@@ -17,6 +17,7 @@ from muro_zenoh.messages import (
     Behaviour,
     Calibration,
     Circle,
+    FaultList,
     Health,
     Lease,
     LeaseState,
@@ -36,6 +37,7 @@ KEPT: dict[str, Message] = {
     "health/r1": Health(role="agent", state="stopped"),
     "cal0/r1": Calibration(value=1.1, sigma=0.01),
     "calD/r1": Calibration(value=0.9, sigma=0.02),
+    "faults": FaultList(rows="", lasting=("freeze r1/agent",)),
     "path/r1": PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((1.0, 0.0),)),
 }
 """Every kept channel. Most are repeated once a second or oftener; a path never is."""
