@@ -129,7 +129,7 @@ async def test_another_port_is_chosen_when_one_is_taken_between_check_and_start(
         monkeypatch.setattr(launch, "free_port", too_early)
         scenario = find_scenario("hold", 1)
         async with Links(scenario, 1) as links, Supervisor(tmp_path, messages.append) as supervisor:
-            starting_all = launch.start_all(supervisor, scenario, 1, tmp_path, links)
+            starting_all = launch.start_all(supervisor, scenario, 1, tmp_path, links, "no page")
             connected, starting = await within(20, starting_all, "a router")
             await within(20, starting, "a fleet")
             assert [child.spec.name for child in supervisor.children] == ["router", "simulator", "basestation", "r1"]
