@@ -146,23 +146,9 @@ async def idle(opened: Visit, seconds: float) -> Row:
 async def stop(opened: Visit, run: PagedRun, presses: int) -> Row:
     """How long all wheels turn after a press [s]."""
     chance = random.Random(1)
-    page, times = opened.page, []
-    box = await page.locator("#stop").bounding_box()
-    assert box is not None
-    await opened.note_presses()
+    await opened.note_stops()
     await asyncio.sleep(20.0)  # they spread: what is measured are robots that go round
-    for _ in range(presses):
-        await run.time_until(lambda: len(run.moving()) == len(run.robots), 20.0, "all robots drive")
-        await asyncio.sleep(chance.uniform(0.2, 1.5))
-        await page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        await run.time_until(lambda: not run.moving(), 5.0, "all wheels at rest")
-        times.append(run.at_rest_since() - await opened.pressed_at())
-        receipt = page.locator("#receipt:not(.waiting)")
-        await receipt.wait_for()
-        assert "good" in (await receipt.get_attribute("class") or "").split(), await receipt.inner_text()
-        await page.locator("#resume button", has_text="Resume").click()
-        await page.locator("#resume button", has_text="Yes").click()
-        await page.locator("#resume").wait_for(state="hidden")
+    times = [await run.stop_all(opened, "#stop", chance.uniform(0.2, 1.5)) for _ in range(presses)]
     found = {q: quantile(times, value) for q, value in {"p50": 0.5, "p95": 0.95, "max": 1.0}.items()}
     return {"what": "stop", "presses": presses, "unit": "s", **found}
 

@@ -82,7 +82,7 @@ async def test_what_is_painted_is_where_the_hook_says(operator: Visit, run: Page
         x, y = await operator.muro(f"screenOf('{name}')")
         middles = [(box[0] + box[2] / 2, box[1] + box[3] / 2) for box in boxes[1:] if box[4] > 200]
         assert min(abs(x - mx) + abs(y - my) for mx, my in middles) < 2.0, (name, (x, y), middles)
-    await resume(operator)
+    await operator.resume()
 
 
 async def test_pictures_of_the_cameras_lie_where_the_robots_are(browser: Browser, run: PagedRun) -> None:
@@ -111,7 +111,7 @@ async def test_pictures_of_the_cameras_lie_where_the_robots_are(browser: Browser
         for tag, (x, y) in found:
             off = min(math.dist((x, y), _mounted(*row[:3])) for row in rows.values())
             assert off * scale < 3.0, (tag, x, y)
-        await resume(opened)
+        await opened.resume()
 
 
 def _tags(picture: dict[str, Any]) -> list[tuple[int, tuple[float, float]]]:
@@ -172,7 +172,7 @@ async def test_axe_finds_nothing_serious(browser: Browser, run: PagedRun) -> Non
                     if violation["impact"] in ("serious", "critical")
                 ]
                 assert serious == [], (tab, scheme)
-        await resume(opened)
+        await opened.resume()
 
 
 async def test_everything_can_be_reached_by_the_keyboard(operator: Visit) -> None:
@@ -204,17 +204,9 @@ async def test_a_viewer_cannot_steer_and_can_stop(browser: Browser, run: PagedRu
         assert await opened.page.locator("#resume button").count() == 0
     async with visit(browser, run.url) as opened:
         await opened.sees(run.robots)
-        await resume(opened)
+        await opened.resume()
 
 
 async def test_a_page_says_when_it_may_not_read(browser: Browser, run: PagedRun) -> None:
     async with visit(browser, f"{run.viewer_url}/#token=wrong") as opened:
         await opened.page.locator("#veil", has_text="does not let this page in").wait_for()
-
-
-async def resume(opened: Visit) -> None:
-    """Lift a stop as a person does: asked once."""
-    await opened.page.locator("#resume button", has_text="Resume").click()
-    await opened.page.locator("#resume button", has_text="Yes").click()
-    assert "taken" in await opened.notice("Resume")
-    await opened.page.locator("#resume").wait_for(state="hidden")

@@ -82,8 +82,8 @@ async def test_behaviours_and_the_circle_are_changed_live(operator: Visit, run: 
 async def test_stop_all_stops_all_wheels_in_half_a_second(operator: Visit, run: PagedRun) -> None:
     """At random moments, by the button and by either key, pressed twice; benchmarks/page.py: 50 times."""
     chance = random.Random(1)
-    await operator.note_presses()
-    took = [await stop_once(operator, run, way, chance.uniform(0.1, 0.8)) for way in ("#stop", " ", "Escape")]
+    await operator.note_stops()
+    took = [await run.stop_all(operator, way, chance.uniform(0.1, 0.8)) for way in ("#stop", " ", "Escape")]
     in_time(took, STOPPED_WITHIN)
 
 
@@ -102,7 +102,7 @@ async def test_the_space_bar_stops_wherever_the_focus_is(operator: Visit, run: P
         await run.time_until(lambda: not run.moving(), STOPPED_WITHIN, f"all stand; the focus was on {focused}")
         assert await page.locator("#theme").get_attribute("aria-label") == theme, "it presses no button"
         await page.locator("#receipt.good").wait_for()
-        await resume(operator)
+        await operator.resume()
 
 
 async def test_a_receipt_names_who_does_not_answer(operator: Visit, run: PagedRun) -> None:
@@ -115,7 +115,7 @@ async def test_a_receipt_names_who_does_not_answer(operator: Visit, run: PagedRu
         assert "2 of 3 robots confirmed" in await operator.page.locator("#receipt").inner_text()
     finally:
         agent.send_signal(signal.SIGCONT)
-    await resume(operator)
+    await operator.resume()
 
 
 async def test_an_idle_page_sends_nothing(operator: Visit, run: PagedRun) -> None:
@@ -176,7 +176,7 @@ async def test_a_hand_drives_a_robot_and_the_stop_is_above_it(operator: Visit, r
     await asyncio.sleep(0.3)
     assert not run.moving()
     await page.locator("#receipt.good").wait_for()
-    await resume(operator)
+    await operator.resume()
     await run.time_until(lambda: "r1" in run.moving(), 10.0, "the others drive again")
     await asyncio.sleep(0.3)
     assert "r3" not in run.moving(), "it was let go by the stop: the hand must come anew"
@@ -215,7 +215,7 @@ async def test_a_killed_base_station_shows_and_comes_back(operator: Visit, run: 
     await operator.page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
     await operator.page.locator("#veil").wait_for(state="hidden")
     operator.complaints.clear()  # the browser says itself that it could not connect
-    await resume(operator)
+    await operator.resume()
 
 
 def in_time(took: list[float], limit: float) -> None:
@@ -226,40 +226,6 @@ def in_time(took: list[float], limit: float) -> None:
 
 
 # ---- what a person does
-
-
-async def resume(opened: Visit) -> None:
-    """Lift a stop: asked once."""
-    await opened.page.locator("#resume button", has_text="Resume").click()
-    await opened.page.locator("#resume button", has_text="Yes").click()
-    await opened.page.locator("#resume").wait_for(state="hidden")
-
-
-async def stop_once(opened: Visit, run: PagedRun, way: str, after: float) -> float:
-    """Stop all a while after all drive, pressing twice, and resume.
-
-    Returns:
-        The time from the press to wheels at rest, by the stamps of the browser and of the simulator [s].
-    """
-    await run.time_until(lambda: len(run.moving()) == len(run.robots), 10.0, "all robots drive")
-    await asyncio.sleep(after)
-    page = opened.page
-    if way == "#stop":
-        x, y = 0.0, 0.0
-        box = await page.locator(way).bounding_box()
-        assert box is not None
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        pressing = page.mouse.dblclick(x, y)
-    else:
-        pressing = page.keyboard.press(way)
-    await pressing
-    if way != "#stop":
-        await page.keyboard.press(way)
-    await run.time_until(lambda: not run.moving(), 5.0, "all wheels stand")
-    took = run.at_rest_since() - await opened.pressed_at()
-    await page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
-    await resume(opened)
-    return took
 
 
 async def start(opened: Visit, name: str, behaviour: str) -> None:

@@ -69,9 +69,11 @@ async def chromium() -> AsyncIterator[Browser]:
             await browser.close()
 
 
-_NOTE_PRESS: Final = """
+_NOTE_STOPS: Final = """
     let before = -1e9;
     for (const kind of ["pointerdown", "keydown"]) window.addEventListener(kind, event => {
+        const stops = event.key === " " || event.key === "Escape" || event.target.closest?.("#stop");
+        if (!stops) return;
         const first = event.timeStamp - before > 500;
         before = event.timeStamp;
         if (first) window.pressedAt = (performance.timeOrigin + event.timeStamp) / 1000;
@@ -108,13 +110,30 @@ class Visit:
         every = "names => window.muro && names.every(name => window.muro.screenOf(name) !== null)"
         await self.until(every, limit, list(names))
 
-    async def note_presses(self) -> None:
-        """Note when a button or key is pressed, from now on."""
-        await self.page.evaluate(_NOTE_PRESS)
+    async def note_stops(self) -> None:
+        """Note when a stop is pressed, from now on."""
+        await self.page.evaluate(_NOTE_STOPS)
 
     async def pressed_at(self) -> float:
-        """When the newest press was, the first one of two in a row, by the clock of this machine [s since 1970]."""
+        """When a stop was pressed last, the first time of two in a row, by the clock of this machine [s since 1970]."""
         return float(await self.page.evaluate("window.pressedAt"))
+
+    async def press_stop_twice(self, way: str) -> None:
+        """Stop all: press ``#stop`` with the mouse, or a key, two times in a row."""
+        if way == "#stop":
+            box = await self.page.locator(way).bounding_box()
+            assert box is not None
+            await self.page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        else:
+            await self.page.keyboard.press(way)
+            await self.page.keyboard.press(way)
+
+    async def resume(self) -> None:
+        """Lift a stop as a person does: asked once."""
+        await self.page.locator("#resume button", has_text="Resume").click()
+        await self.page.locator("#resume button", has_text="Yes").click()
+        assert "taken" in await self.notice("Resume")
+        await self.page.locator("#resume").wait_for(state="hidden")
 
     async def press_on_floor(self, x: float, y: float) -> None:
         """Click a place of the floor [m, world]."""
@@ -210,6 +229,26 @@ class PagedRun:
             assert loop.time() - began < seconds(limit), f"{what}: not within {seconds(limit):g} s"
             await asyncio.sleep(0.005)
         return loop.time() - began
+
+    async def stop_all(self, opened: Visit, way: str, after: float) -> float:
+        """Stop all a while after all drive, pressing twice, and resume.
+
+        Args:
+            opened: the page, which notes stops (:meth:`Visit.note_stops`).
+            way: ``#stop`` or a key.
+            after: how long after [s].
+
+        Returns:
+            The time from the press to all wheels at rest, by the stamps of the browser and of the simulator [s].
+        """
+        await self.time_until(lambda: len(self.moving()) == len(self.robots), 10.0, "all robots drive")
+        await asyncio.sleep(after)
+        await opened.press_stop_twice(way)
+        await self.time_until(lambda: not self.moving(), 5.0, "all wheels stand")
+        took = self.at_rest_since() - await opened.pressed_at()
+        await opened.page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
+        await opened.resume()
+        return took
 
     def snapshot_like(self, rows: dict[str, Any]) -> FleetSnapshot | None:
         """The snapshot that a state of the page shows: the one whose places it has."""
