@@ -170,9 +170,11 @@ class FaultList(Message, frozen=True, kw_only=True):
 class AskTime(Message, frozen=True, kw_only=True):
     """A question to the base station, or an agent's to its base, whose four time stamps measure the asker's clock
     (``stamp`` is the first, the Reply has the next two). ``offset``: what the asker has to add to its clock to have the
-    answerer's, as far as it has measured that [s]; nil before the first answer."""
+    answerer's, as far as it has measured that [s]; nil before the first answer. ``steps``: how often it was certain
+    that one of the two clocks had been set."""
 
     offset: float | None = None
+    steps: int = 0
 
 
 class Reply(Message, frozen=True, kw_only=True):

@@ -25,6 +25,9 @@ _WINDOW: Final = 16
 _QUICKEST: Final = 5
 """The median of so many is the offset."""
 
+_STEP: Final = 0.05
+"""A clock that was set by less than this makes no message older or younger than matters [s]."""
+
 _MOST_WRITERS: Final = 256
 
 
@@ -64,10 +67,12 @@ class OffsetEstimate:
 
     Attributes:
         offset: what to add to our clock to have the other one [s]; 0 before the first round trip.
+        steps: how often it was certain that one of the two was set, by 50 ms or more.
     """
 
     def __init__(self) -> None:
         self.offset = 0.0
+        self.steps = 0
         self._trips: deque[RoundTrip] = deque(maxlen=_WINDOW)
         self._best: RoundTrip | None = None
 
@@ -87,6 +92,7 @@ class OffsetEstimate:
             apart = trip.offset - self._best.offset
             if abs(apart) > 0.5 * trip.duration + self.bound(trip.returned):
                 step = apart
+                self.steps += abs(step) > _STEP
                 self._trips.clear()
         self._trips.append(trip)
         quickest = sorted(self._trips, key=lambda known: _bound(known, trip.returned))[:_QUICKEST]
@@ -116,20 +122,21 @@ class KnownClocks:
     """The clocks of other processes that were measured against ours, by their epoch."""
 
     def __init__(self) -> None:
-        self._behind: dict[int, tuple[float, float]] = {}
+        self._behind: dict[int, tuple[float, float, int]] = {}
 
-    def note(self, epoch: int, behind: float, at: float) -> None:
+    def note(self, epoch: int, behind: float, at: float, steps: int = 0) -> None:
         """Take a measurement.
 
         Args:
             epoch: the other process; 0, which is nobody's, is ignored.
             behind: what to add to its clock to have ours [s].
             at: when it was measured, by our clock [s].
+            steps: how often it was certain that one of the two was set (:attr:`OffsetEstimate.steps`).
         """
         if not epoch or not math.isfinite(behind):
             return
         self._behind.pop(epoch, None)
-        self._behind[epoch] = behind, at
+        self._behind[epoch] = behind, at, steps
         if len(self._behind) > _MOST_WRITERS:
             del self._behind[next(iter(self._behind))]
 
@@ -145,3 +152,12 @@ class KnownClocks:
         """
         known = self._behind.get(epoch)
         return math.inf if known is None else known[0] + DRIFT * abs(now - known[1])
+
+    def steps(self, epoch: int) -> int:
+        """How often it was certain that our clock or a process's was set.
+
+        Args:
+            epoch: the process.
+        """
+        known = self._behind.get(epoch)
+        return 0 if known is None else known[2]

@@ -12,6 +12,7 @@ _SPANS spans of time in a row, each with a message, and each counted at its late
 * It rises by the little that clocks drift, and only while messages come so close to it that drift explains them.
   Otherwise it rises only when stamps have gone back and the messages since agree with each other: a clock was set back.
   Lateness alone never makes it rise, however long it lasts.
+* It begins anew when it is certain that a clock was set, ours or the writer's, because that was measured.
 
 That takes the least time on the way for a part of the clocks' offset, so a way that is slow from the beginning would
 count as quick. Where the offset itself was measured (:mod:`muro_zenoh.transport.clock_offset`), a message is as late as
@@ -77,10 +78,10 @@ class DelayTracker:
         self._clock = math.inf  # the last one that was measured
         self.heard = -math.inf
         self._epoch = -1
-        self._last = _Window(0.0)
+        self._last = _Window(0.0, 0)
         self._writers: dict[int, _Window] = {}
 
-    def observe(self, epoch: int, stamp: float, arrival: float, measured: float = math.inf) -> float:
+    def observe(self, epoch: int, stamp: float, arrival: float, measured: float = math.inf, steps: int = 0) -> float:
         """Take a message into account.
 
         Args:
@@ -88,6 +89,7 @@ class DelayTracker:
             stamp: the message's stamp [s, the writer's clock].
             arrival: when it came [s, our clock].
             measured: (our clock - the writer's) as far as it was measured [s]; infinite when it was not.
+            steps: how often it was certain that one of the two was set.
 
         Returns:
             Its extra delay [s], zero or more; below zero when its stamp leaps ahead of the writer's clock, by as much.
@@ -95,6 +97,8 @@ class DelayTracker:
         self.heard = arrival
         if epoch != self._epoch:
             self._change_writer(epoch, arrival)
+        if steps != self._last.steps:
+            self._last = self._writers[epoch] = _Window(arrival, steps)
         if measured < math.inf:
             self._clock = measured
         elif arrival - self._last.first < UNMEASURED:
@@ -109,7 +113,7 @@ class DelayTracker:
     def _change_writer(self, epoch: int, arrival: float) -> None:
         self._epoch = epoch
         writers = self._writers
-        window = writers.pop(epoch, None) or _Window(arrival)
+        window = writers.pop(epoch, None) or _Window(arrival, 0)
         if len(writers) >= _MOST_WRITERS:
             # One that was heard only briefly goes first: a stranger with ever new epochs displaces nobody.
             brief = (other for other, known in writers.items() if not known.confirmed)
@@ -137,11 +141,13 @@ class _Window:
         "_went_back",
         "confirmed",
         "first",
+        "steps",
     )
 
-    def __init__(self, began: float) -> None:
+    def __init__(self, began: float, steps: int) -> None:
         self.confirmed = False
         self.first = began
+        self.steps = steps
         self._began = began
         self._newer = math.inf
         self._older = math.inf

@@ -207,8 +207,8 @@ class Inbox(Declared, Generic[T]):
             if tracker is None:
                 self._make_room(arrival)
                 tracker = self._delays[key] = DelayTracker()
-            clock = self._clocks.offset(message.epoch, arrival)
-            delay = tracker.observe(message.epoch, message.stamp, arrival, clock)
+            epoch, clocks = message.epoch, self._clocks
+            delay = tracker.observe(epoch, message.stamp, arrival, clocks.offset(epoch, arrival), clocks.steps(epoch))
             if delay < 0.0:
                 if self._stale_after < math.inf:
                     raise MessageError(f"got a stamp {-delay:.3g} s ahead of its writer's clock, expected its time")

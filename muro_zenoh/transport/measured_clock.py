@@ -67,7 +67,7 @@ class MeasuredClock:
     async def _ask(self) -> None:
         bus, estimate = self._bus, self._estimate
         sent = bus.clock.now()
-        question = AskTime(offset=estimate.offset if estimate.best is not None else None)
+        question = AskTime(offset=estimate.offset if estimate.best is not None else None, steps=estimate.steps)
         reply = await bus.ask(self._verb, question, name=self._name, timeout=_TIMEOUT)
         self.take(reply.epoch, RoundTrip(sent, reply.received, reply.stamp, bus.clock.now()))
 
@@ -85,7 +85,7 @@ class MeasuredClock:
             self._epoch, self._estimate, self._at_once = epoch, OffsetEstimate(), _FIRST
         step = self._estimate.add(trip)
         if self._estimate.best is not None:
-            self._bus.clocks.note(epoch, -self._estimate.offset, trip.returned)
+            self._bus.clocks.note(epoch, -self._estimate.offset, trip.returned, self._estimate.steps)
         if step:
             self._at_once = _FIRST
         return step
@@ -162,7 +162,7 @@ def answer_time(bus: Bus, verb: Verb[AskTime] = channels.TIME, name: str = "") -
 
     def answer(order: AskTime) -> Reply:
         if order.offset is not None:
-            bus.clocks.note(order.epoch, order.offset, bus.clock.now())
+            bus.clocks.note(order.epoch, order.offset, bus.clock.now(), order.steps)
         return Reply(accepted=True)
 
     return bus.answer(verb, answer, name=name)

@@ -44,6 +44,21 @@ async def test_a_clock_is_measured_and_judges_what_the_base_station_sends(
     measuring.cancel()
 
 
+async def test_when_one_clock_was_set_both_ends_count_it(network: Network) -> None:
+    theirs, ours = ManualClock(10_000.0), ManualClock(10_000.0)
+    station = await network.open(theirs, roles=[Role.BASESTATION])
+    agent = await network.open(ours, roles=[Role.AGENT])
+    answer_time(station)
+    measuring = asyncio.create_task(StationClock(agent, ClockSettings()).run())
+    await until(lambda: station.clocks.offset(agent.epoch, theirs.now()) == pytest.approx(0.0), "our clock there")
+    assert (agent.clocks.steps(station.epoch), station.clocks.steps(agent.epoch)) == (0, 0)
+    theirs.advance(2.0)
+    await until(lambda: station.clocks.steps(agent.epoch) == 1, "it was set")
+    assert agent.clocks.steps(station.epoch) == 1
+    assert station.clocks.offset(agent.epoch, theirs.now()) == pytest.approx(2.0)
+    measuring.cancel()
+
+
 async def test_an_agent_measures_its_own_base(network: Network) -> None:
     theirs, ours = ManualClock(10_000.0), ManualClock(9_000.0)
     bases = await network.open(theirs, roles=[Role.BASE])

@@ -232,6 +232,17 @@ def test_a_foreign_program_on_the_bus_and_the_agent_stop_each_other() -> None:
     assert commanded(trace, "r1", 4.5)
 
 
+@pytest.mark.parametrize("step", [2.0, -2.0])
+def test_a_foreign_program_is_named_soon_after_the_base_stations_clock_was_set(step: float) -> None:
+    """It learns of it from the bases' reports, which are few, and are late only until clocks are compared again."""
+    set_clock = {"kind": "clock_step", "target": "basestation", "at": 3.0, "step": step}
+    foreign = {"kind": "foreign_driver", "target": "r1", "at": 6.0, "until": 7.5}
+    trace = run_fleet(lab(set_clock, foreign, duration=8.0), 1)
+    named = [report.time for report in trace.reports if any("the wheels of r1" in reason for reason in report.reasons)]
+    assert named
+    assert 6.0 < named[0] < 7.0
+
+
 def test_a_joystick_drives_past_our_base() -> None:
     joystick = {"kind": "foreign_driver", "target": "r1", "at": 3.0, "until": 4.0, "by": "wheels", "v": -0.2}
     trace = run_fleet(lab(joystick), 1)

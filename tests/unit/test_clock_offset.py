@@ -77,6 +77,15 @@ def test_a_clock_that_was_set_is_noticed_with_the_next_answer(step: float) -> No
     assert estimate.add(trip(1e6 + 20.0, 5.0 + step, 0.001, 0.002)) == pytest.approx(step, abs=0.02)
     assert estimate.best is not None
     assert estimate.best.offset == pytest.approx(5.0 + step, abs=1e-3)
+    assert estimate.steps == 1
+
+
+def test_a_clock_that_was_set_by_little_is_measured_and_not_counted() -> None:
+    estimate = OffsetEstimate()
+    for k in range(10):
+        estimate.add(trip(1e6 + k, 5.0 + 0.04 * (k >= 5), 1e-4, 1e-4))
+    assert estimate.offset == pytest.approx(5.04)
+    assert estimate.steps == 0
 
 
 def test_after_a_clock_was_set_a_slow_answer_counts_more_than_the_quick_ones_before() -> None:
@@ -158,6 +167,27 @@ async def test_a_mailbox_adds_the_delay_that_all_messages_have_had() -> None:
     other = encode(SpeedReference(speed=0.1, stamp=now - 8.3, epoch=4))  # of a writer that was not measured
     box.inbox.file("muro/velocity/r2", other, encoding_of(SpeedReference))
     assert box.inbox.get("r2").delay == 0.0
+
+
+@pytest.mark.parametrize("step", [1.9, -1.9])
+async def test_after_our_own_clock_was_set_messages_are_as_late_as_they_are(step: float) -> None:
+    box = Box(Latest)
+    box.clocks.note(3, 8.0, box.clock.now())  # the writer's clock is 8 s behind ours
+    delays = []
+    for k in range(80):
+        box.clock.advance(0.05)
+        if k == 40:
+            box.clock.advance(step)
+        if k == 60:  # ... which is measured a second later
+            box.clocks.note(3, 8.0 + step, box.clock.now(), steps=1)
+        late = 0.3 if k >= 70 else 0.0
+        box.file("r1", 0.1, stamp=box.clock.now() - 8.0 - step * (k >= 40) - late)
+        delays.append(box.inbox.get("r1").delay)
+    assert delays[:40] == pytest.approx([0.0] * 40, abs=1e-3)
+    if step > 0:
+        assert delays[40:60] == pytest.approx([1.9] * 20, abs=1e-2), "nobody knows yet"
+    assert delays[60:70] == pytest.approx([0.0] * 10, abs=1e-3)
+    assert delays[70:] == pytest.approx([0.3] * 10, abs=1e-3)
 
 
 async def test_a_writer_that_takes_another_ones_place_is_judged_by_its_clock_until_its_own_is_known() -> None:
