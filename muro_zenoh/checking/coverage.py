@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -56,16 +55,6 @@ def cell_of(fault: Fault, activity: Activity) -> Cell:
         activity: what a robot that it concerns did.
     """
     return Cell(fault.kind, ROLES[fault.place], activity)
-
-
-def never_met(met: Counter[Cell], cells: Iterable[Cell] = CELLS) -> tuple[Cell, ...]:
-    """The cells whose effect has never occurred.
-
-    Args:
-        met: how often each has occurred.
-        cells: those that should have.
-    """
-    return tuple(cell for cell in cells if not met[cell])
 
 
 def as_nested(met: Counter[Cell]) -> dict[str, dict[str, dict[str, int]]]:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from muro_zenoh.checking.judgement import Breach, Judgement
-from muro_zenoh.checking.record import Effect, Record
+from muro_zenoh.checking.record import Incident, Record
 from muro_zenoh.config.faults import LieFault, Place
 
 NAMED_WITHIN: Final = 1.0
@@ -44,7 +44,7 @@ def named(record: Record) -> Judgement:
     return Judgement(evaluated, tuple(breaches))
 
 
-def _wrong_from(record: Record, name: str, effect: Effect) -> float:
+def _wrong_from(record: Record, name: str, effect: Incident) -> float:
     """From when a robot is not what it says. One that repeats its last right estimate lies only once it is elsewhere;
     infinite when it never was, for as long as any lie lasts."""
     if not isinstance(effect.fault, LieFault) or not effect.fault.stuck:
@@ -70,7 +70,7 @@ def _is_named(record: Record, name: str, start: float, end: float) -> bool:
     return False
 
 
-def _is_unseen(record: Record, name: str, effect: Effect) -> bool:
+def _is_unseen(record: Record, name: str, effect: Incident) -> bool:
     """Whether a robot was carried while no picture of it reached anybody, such as long after a clock was set."""
     at = min(int(np.searchsorted(record.time, effect.start + NAMED_WITHIN)), len(record.time) - 1)
     return effect.fault.kind == "carry" and bool(record.good_pose[at, record.names.index(name)] < effect.start)
@@ -82,7 +82,7 @@ def _words(reason: str) -> tuple[str, ...]:
     return tuple(word for word in words if not word.replace(".", "").isdigit())
 
 
-def _is_hampered(record: Record, effect: Effect) -> bool:
+def _is_hampered(record: Record, effect: Incident) -> bool:
     """Whether another fault befalls what the report about a robot needs."""
     shared = (Place.BASESTATION, Place.CAMERA, Place.CAMERAS, Place.ROUTER)
     return any(

@@ -1,4 +1,4 @@
-"""The operator of a trial: gives the scenario's orders, and hears what every process reports."""
+"""The operator of a trial, who gives the scenario's orders."""
 
 from __future__ import annotations
 
@@ -14,24 +14,6 @@ from muro_zenoh.errors import MuroError
 from muro_zenoh.messages import SetBehaviour
 from muro_zenoh.orders.stop import resume_robots, stop_robots
 from muro_zenoh.transport import Bus
-
-
-class Report(NamedTuple):
-    """A health message as a faultless listener received it.
-
-    Attributes:
-        time: when [s].
-        process: whose it is.
-        reasons: why it does not do its work.
-        failure: of a robot's behaviour; empty while it runs.
-        latched: whether a robot's stop latch holds it.
-    """
-
-    time: float
-    process: str
-    reasons: tuple[str, ...]
-    failure: str = ""
-    latched: bool = False
 
 
 class Ordered(NamedTuple):
@@ -57,39 +39,22 @@ class Operator:
         scenario: the orders, and the goals that go with behaviours.
 
     Attributes:
-        reports: the health messages that differ from the one before of the same process.
         orders: what was ordered.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self.reports: list[Report] = []
         self.orders: list[Ordered] = []
         self._scenario = scenario
 
     async def __call__(self, fleet: VirtualFleet) -> None:
-        """Hear, and give each order when it is due.
+        """Give each order when it is due.
 
         Args:
             fleet: the fleet.
         """
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._hear(fleet), name="operator hears")
             for order in self._scenario.orders:
                 tasks.create_task(self._give(fleet, order), name=f"operator at {order.at:g} s")
-
-    async def _hear(self, fleet: VirtualFleet) -> None:
-        before: dict[str, tuple[object, ...]] = {}
-        newest: dict[tuple[str, int], int] = {}
-        async for received in fleet.operator.every(channels.HEALTH, "*", depth=4096):
-            health = received.message
-            writer = received.name, health.epoch
-            if health.seq <= newest.get(writer, 0):
-                continue  # on its way it was overtaken or doubled: what it says is no longer so
-            newest[writer] = health.seq
-            said = health.reasons, health.failure, health.stop_latched
-            if before.get(received.name) != said:
-                before[received.name] = said
-                self.reports.append(Report(fleet.elapsed, received.name, *said))
 
     async def _give(self, fleet: VirtualFleet, order: OrderRow) -> None:
         await asyncio.sleep(order.at - fleet.elapsed)

@@ -52,8 +52,8 @@ from muro_zenoh.checking.contacts import ContactClass, contacts, disturbances
 from muro_zenoh.checking.driving import CAMERA_AGE, COMMAND_AGE, blind, braking, stop
 from muro_zenoh.checking.judgement import Breach, Judgement, episodes
 from muro_zenoh.checking.naming import NAMED_WITHIN, named
-from muro_zenoh.checking.operator import Report
 from muro_zenoh.checking.record import PERIOD, Record
+from muro_zenoh.checking.trace import HealthReport
 from muro_zenoh.errors import MuroError
 
 _OUTSIDE: Final = 1e-3
@@ -145,7 +145,7 @@ def _inside(record: Record) -> Judgement:
 
 def _behaves(record: Record) -> Judgement:
     evaluated: set[str] = set()
-    failed: dict[str, Report] = {}
+    failed: dict[str, HealthReport] = {}
     for report in record.reports:
         if report.process in record.names:
             evaluated.add(report.process)

@@ -6,7 +6,7 @@ Times are virtual, counted from the start of the trial [s]; T samples, N robots 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from agents.base.simulated import STEP
 from muro_zenoh.checking.coverage import Activity
-from muro_zenoh.checking.operator import Operator, Ordered, Report
-from muro_zenoh.checking.trace import ProcessEnd, Trace
+from muro_zenoh.checking.operator import Ordered
+from muro_zenoh.checking.trace import HealthReport, ProcessEnd, Trace
 from muro_zenoh.config import Scenario
 from muro_zenoh.config.faults import Fault
 from muro_zenoh.elementwise import Array
@@ -30,8 +30,8 @@ _JUST_NOW = 0.3
 """A robot that was commanded to drive within this time drives [s]."""
 
 
-class Effect(NamedTuple):
-    """What a fault did.
+class Incident(NamedTuple):
+    """What a fault did, and to whom.
 
     Attributes:
         fault: the fault.
@@ -80,8 +80,8 @@ class Record:
     good_pose: Array
     good_snapshot: Array
     latched: Flags
-    effects: tuple[Effect, ...] = ()
-    reports: tuple[Report, ...] = ()
+    effects: tuple[Incident, ...] = ()
+    reports: tuple[HealthReport, ...] = ()
     orders: tuple[Ordered, ...] = ()
     ends: tuple[ProcessEnd, ...] = ()
     finished: bool = True
@@ -92,7 +92,7 @@ class Record:
         """The robots."""
         return self.scenario.robots
 
-    def effects_on(self, name: str, *kinds: str) -> Iterator[Effect]:
+    def effects_on(self, name: str, *kinds: str) -> Iterator[Incident]:
         """What faults of some kinds did to a robot.
 
         Args:
@@ -102,20 +102,20 @@ class Record:
         return (effect for effect in self.effects if effect.fault.kind in kinds and name in effect.robots)
 
 
-def make_record(scenario: Scenario, seed: int, trace: Trace, operator: Operator) -> Record:
+def make_record(scenario: Scenario, seed: int, trace: Trace, orders: Iterable[Ordered]) -> Record:
     """The record of a trial.
 
     Args:
         scenario: its settings.
         seed: of the trial.
         trace: what the fleet left.
-        operator: what was ordered and heard.
+        orders: what was ordered meanwhile.
     """
     rows = slice(0, None, round(PERIOD / STEP))
     time = trace.times[rows]
     informed = [trace.informed[name] for name in scenario.robots]
     command = trace.commands[rows]
-    latched = _latched(scenario.robots, time, operator.reports)
+    latched = _latched(scenario.robots, time, trace.reports)
     return Record(
         scenario=scenario,
         seed=seed,
@@ -128,15 +128,15 @@ def make_record(scenario: Scenario, seed: int, trace: Trace, operator: Operator)
         good_snapshot=np.stack([of.snapshot[rows] for of in informed], axis=1),
         latched=latched,
         effects=tuple(_effects(scenario, trace, _Activities(scenario.robots, time, command, latched, trace))),
-        reports=tuple(operator.reports),
-        orders=tuple(operator.orders),
+        reports=trace.reports,
+        orders=tuple(orders),
         ends=trace.ends,
         finished=bool(time[-1] >= scenario.duration - 2.0 * PERIOD),
         digest=trace.digest(),
     )
 
 
-def _latched(robots: tuple[str, ...], time: Array, reports: list[Report]) -> Flags:
+def _latched(robots: tuple[str, ...], time: Array, reports: Iterable[HealthReport]) -> Flags:
     latched = np.zeros((len(time), len(robots)), dtype=bool)
     for report in reports:
         if report.process in robots:
@@ -173,9 +173,9 @@ def _starts_anew(fault: Fault, name: str) -> bool:
     return fault.kind in ("crash", "restart") and fault.target == f"{name}/agent"
 
 
-def _effects(scenario: Scenario, trace: Trace, activities: _Activities) -> Iterator[Effect]:
+def _effects(scenario: Scenario, trace: Trace, activities: _Activities) -> Iterator[Incident]:
     for effect in trace.effects:
         if effect.occurred:
             robots = (effect.fault.robot,) if effect.fault.robot else scenario.robots
             doing = {name: activities.of(name, effect.begun) for name in robots}
-            yield Effect(effect.fault, effect.begun, min(effect.ended, float(trace.times[-1])), doing)
+            yield Incident(effect.fault, effect.begun, min(effect.ended, float(trace.times[-1])), doing)

@@ -11,7 +11,7 @@ from agents.base.simulated import STEP
 from muro_zenoh import channels
 from muro_zenoh.checking.faults import Faults
 from muro_zenoh.checking.fleet import VirtualFleet
-from muro_zenoh.checking.trace import ProcessEnd, Report, Trace, find_contacts
+from muro_zenoh.checking.trace import HealthReport, ProcessEnd, Trace
 from muro_zenoh.config import Scenario
 from muro_zenoh.runtime.virtual_time import run_virtually
 
@@ -40,10 +40,10 @@ def run_fleet(scenario: Scenario, seed: int, script: Script | None = None) -> Tr
 
 async def _run(scenario: Scenario, seed: int, script: Script | None) -> Trace:
     async with VirtualFleet(scenario, seed, restart=True) as fleet:
-        reports: list[Report] = []
+        reports: list[HealthReport] = []
         faults = Faults(fleet, seed)
         async with asyncio.TaskGroup() as tasks:
-            running = [tasks.create_task(_collect(fleet, reports))]
+            running = [tasks.create_task(_hear(fleet, reports))]
             faults.schedule()
             await fleet.start()
             if script is not None:
@@ -62,30 +62,32 @@ async def _follow(script: Script, fleet: VirtualFleet) -> None:
     await script(fleet)
 
 
-async def _collect(fleet: VirtualFleet, reports: list[Report]) -> None:
-    newest: dict[str, tuple[str, tuple[str, ...]]] = {}
-    async for received in fleet.operator.every(channels.HEALTH, "*", depth=1024):
+async def _hear(fleet: VirtualFleet, reports: list[HealthReport]) -> None:
+    before: dict[str, tuple[object, ...]] = {}
+    newest: dict[tuple[str, int], int] = {}
+    async for received in fleet.operator.every(channels.HEALTH, "*", depth=4096):
         health = received.message
-        said = health.state, health.reasons
-        if newest.get(received.name) != said:
-            newest[received.name] = said
-            reports.append(Report(fleet.elapsed, health.role, received.name, *said))
+        writer = received.name, health.epoch
+        if health.seq <= newest.get(writer, 0):
+            continue  # on its way it was overtaken or doubled: what it says is no longer so
+        newest[writer] = health.seq
+        said = health.state, health.reasons, health.failure, health.stop_latched
+        if before.get(received.name) != said:
+            before[received.name] = said
+            reports.append(HealthReport(fleet.elapsed, received.name, *said))
 
 
-def _trace(fleet: VirtualFleet, reports: list[Report], faults: Faults) -> Trace:
+def _trace(fleet: VirtualFleet, reports: list[HealthReport], faults: Faults) -> Trace:
     robots = fleet.scenario.robots
     record = fleet.world.record
     times = STEP * np.arange(1, len(record) + 1, dtype=np.float64)
-    radii = np.array([robot.radius for robot in fleet.scenario.robot.values()])
     return Trace(
         robots=robots,
-        radii=radii,
         times=times,
         poses=record[:, :, 0:3],
         twists=record[:, :, 3:5],
         commands=record[:, :, 5:7],
         informed={name: fleet.witnesses.informed(name, times, fleet.begun) for name in robots},
-        contacts=find_contacts(robots, radii, times, record[:, :, 0:3]),
         reports=tuple(reports),
         ends=tuple(ProcessEnd(time, name, repr(error) if error else "") for time, name, error in fleet.ends),
         effects=tuple(faults.effects),

@@ -77,7 +77,7 @@ def run_trial(scenario: Scenario, seed: int) -> tuple[Record, Result]:
     operator = Operator(scenario)
     trace = run_fleet(scenario, seed, operator)
     cpu = time.process_time() - began
-    record = make_record(scenario, seed, trace, operator)
+    record = make_record(scenario, seed, trace, operator.orders)
     return record, result_of(record, cpu)
 
 

@@ -15,7 +15,7 @@ import pytest
 from muro_zenoh import channels
 from muro_zenoh.checking.fleet import VirtualFleet
 from muro_zenoh.checking.run import run_fleet
-from muro_zenoh.checking.trace import Contact, Trace, find_contacts
+from muro_zenoh.checking.trace import Trace
 from muro_zenoh.checking.trial import run_trial
 from muro_zenoh.checking.world import World
 from muro_zenoh.config import Scenario, parse_scenario
@@ -358,18 +358,6 @@ def test_what_the_script_raises_ends_the_run() -> None:
     with pytest.raises(ExceptionGroup) as error:
         run_fleet(lab(), 1, fail)
     assert error.group_contains(LookupError)
-
-
-def test_contacts_are_found_in_the_truth() -> None:
-    times = np.arange(6.0)
-    poses = np.zeros((6, 3, 3))
-    poses[:, 1, 0] = [1.0, 0.3, 0.2, 0.36, 0.34, 0.2]
-    poses[:, 2, 1] = 9.0
-    radii = np.array([0.2, 0.15, 0.1])
-    assert find_contacts(("a", "b", "c"), radii, times, poses) == (
-        Contact("a", "b", 1.0, 3.0),
-        Contact("a", "b", 4.0, 5.0),
-    )
 
 
 # ---- the same seed

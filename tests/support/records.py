@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from muro_zenoh.checking.operator import Report
 from muro_zenoh.checking.record import PERIOD, Record
+from muro_zenoh.checking.trace import HealthReport
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.config.faults import KINDS, Fault
 
@@ -37,7 +37,7 @@ def still(robots: int = 2, seconds: float = 10.0) -> Record:
         good_pose=fresh.copy(),
         good_snapshot=fresh.copy(),
         latched=np.zeros((count, robots), dtype=bool),
-        reports=tuple(Report(0.5, name, ()) for name in scenario.robots),
+        reports=tuple(HealthReport(0.5, name) for name in scenario.robots),
     )
 
 

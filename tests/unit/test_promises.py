@@ -11,10 +11,10 @@ import pytest
 from muro_zenoh.checking.contacts import ContactClass, contacts
 from muro_zenoh.checking.coverage import Activity
 from muro_zenoh.checking.judgement import Breach
-from muro_zenoh.checking.operator import Ordered, Report
+from muro_zenoh.checking.operator import Ordered
 from muro_zenoh.checking.promises import PROMISES, IncompleteRecord, judge
-from muro_zenoh.checking.record import PERIOD, Effect, Record
-from muro_zenoh.checking.trace import ProcessEnd
+from muro_zenoh.checking.record import PERIOD, Incident, Record
+from muro_zenoh.checking.trace import HealthReport, ProcessEnd
 from muro_zenoh.config.order import OrderRow
 from tests.support.records import aged, driving, fault, still
 
@@ -26,7 +26,7 @@ def breaches(record: Record, promise: str) -> tuple[Breach, ...]:
 def with_effect(record: Record, kind: str, start: float, end: float, robot: str = "r2", **numbers: Any) -> Record:
     """The record with what a fault did to a robot."""
     made = fault(kind, robot, start, end - start, **numbers)
-    effect = Effect(made, start, end, {robot: Activity.DRIVING})
+    effect = Incident(made, start, end, {robot: Activity.DRIVING})
     return dataclasses.replace(record, effects=(*record.effects, effect))
 
 
@@ -106,7 +106,7 @@ class TestNoContact:
     def test_information_faults_excuse_nothing(self, kind: str) -> None:
         target = "r2/agent" if kind in ("crash", "freeze") else "r2"
         record = driving(still(), 0, 1.0, 5.0)
-        effect = Effect(fault(kind, target, 1.0, 5.0), 1.0, 6.0, {"r2": Activity.DRIVING})
+        effect = Incident(fault(kind, target, 1.0, 5.0), 1.0, 6.0, {"r2": Activity.DRIVING})
         assert breaches(dataclasses.replace(record, effects=(effect,)), "no contact")
 
 
@@ -133,7 +133,7 @@ class TestDrivenInto:
 class TestNamed:
     @staticmethod
     def reported(record: Record, time: float, process: str, *reasons: str) -> Record:
-        return dataclasses.replace(record, reports=(*record.reports, Report(time, process, reasons)))
+        return dataclasses.replace(record, reports=(*record.reports, HealthReport(time, process, reasons=reasons)))
 
     def lied(self) -> Record:
         return with_effect(still(), "lie", 2.0, 8.0, x=1.0)
@@ -174,7 +174,7 @@ class TestNamed:
             assert judge(dataclasses.replace(record, good_pose=blind))["named"].evaluated == evaluated
 
     def test_not_judged_while_the_base_station_is_down(self) -> None:
-        effect = Effect(fault("crash", "basestation", 2.5, 2.0), 2.5, 4.5, {"r1": Activity.DRIVING})
+        effect = Incident(fault("crash", "basestation", 2.5, 2.0), 2.5, 4.5, {"r1": Activity.DRIVING})
         record = self.lied()
         judged = judge(dataclasses.replace(record, effects=(*record.effects, effect)))["named"]
         assert (judged.evaluated, judged.breaches) == (0, ())
@@ -276,7 +276,7 @@ class TestStop:
 
     def test_it_cannot_hear_that_it_is_to_stop(self) -> None:
         orders = (Ordered(2.0, OrderRow(at=2.0, kind="stop"), False, 2.5),)
-        effect = Effect(fault("partition", "r1", at=1.5, duration=2.0), 1.5, 3.5, {"r1": Activity.DRIVING})
+        effect = Incident(fault("partition", "r1", at=1.5, duration=2.0), 1.5, 3.5, {"r1": Activity.DRIVING})
         record = dataclasses.replace(driving(still(), 0, 1.0, 3.0), orders=orders, effects=(effect,))
         assert not breaches(record, "stop")
 
@@ -313,7 +313,8 @@ class TestInside:
 
 def test_a_behaviour_that_fails() -> None:
     record = still()
-    failed = Report(2.0, "r1", ("behaviour mine:turn: ZeroDivisionError",), "behaviour mine:turn: ZeroDivisionError")
+    error = "behaviour mine:turn: ZeroDivisionError"
+    failed = HealthReport(2.0, "r1", reasons=(error,), failure=error)
     (breach,) = breaches(dataclasses.replace(record, reports=(*record.reports, failed, failed)), "behaves")
     assert "ZeroDivisionError" in breach.what
 
