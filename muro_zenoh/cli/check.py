@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,8 +106,8 @@ def check(
     Each trial is a whole fleet (agents, bases, base station) in virtual time, with a start, faults and noise of its own
     seed, and two random faults, unless WHAT has faults, orders or starts itself. docs/checking.md has the promises.
 
-    The exit code is 0 when every promise was kept, 1 when one was broken, 2 for invalid input, 130 when Ctrl-C ended
-    the check early and nothing was broken until then.
+    The exit code is 0 when every promise was kept, 1 when one was broken, 2 for invalid input, 130 when Ctrl-C (or
+    SIGTERM) ended the check early and nothing was broken until then. What was done until then is reported.
     """
     from muro_zenoh.checking.check import Plan, quiet, run_check
     from muro_zenoh.checking.source import trials_of
@@ -128,6 +129,7 @@ def check(
 
     random = trial.scenario is None
     plan = Plan(trial, trials, seed, jobs or os.cpu_count() or 1, covers=random, all_count=not random, first=first)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with _screen(trials) as screen:
         report = run_check(plan, screen)
     if json_file is not None:

@@ -160,7 +160,8 @@ def test_invalid_input(arguments: list[str], message: str) -> None:
     assert message in check(*arguments, code=2)
 
 
-def test_ctrl_c_ends_with_what_was_done_so_far(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_what_was_done_so_far(tmp_path: Path, number: signal.Signals) -> None:
     command = [sys.executable, "-m", "muro_zenoh", "check", "pursuit", "--quick", "--duration", "1", "--jobs", "1"]
     process = subprocess.Popen(
         [*command, "--trials", "10000", "--json", "c.json"],
@@ -171,7 +172,7 @@ def test_ctrl_c_ends_with_what_was_done_so_far(tmp_path: Path) -> None:
     )
     assert process.stderr is not None
     assert "1 of 10000 trials" in process.stderr.readline()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     process.communicate(timeout=seconds(30.0))
     assert process.returncode == 130
     table = json.loads(Path("c.json").read_text())
