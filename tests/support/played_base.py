@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -18,16 +18,13 @@ Row = dict[str, Any]
 
 NAMES = ("r1", "r2")
 
-_ROBOT = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "tag": 1, "margin": 0.05}
 _HAND = {"speed": {"type": "number", "default": 0.2}, "turning": {"type": "number", "default": 1.0}}
 
-_DETAILS: Row = {
+DETAILS: Row = {
     "state": "driving",
     "reason": "",
     "note": "",
     "complaints": [],
-    "seen": "tracking",
-    "alive": True,
     "pose_age": 0.05,
     "latency": 0.002,
     "cal": [1.0, 1.0],
@@ -40,11 +37,30 @@ _DETAILS: Row = {
 }
 
 
+def hello(names: Sequence[str], **more: Any) -> Row:
+    """What a page gets first, of robots that are all alike."""
+    robot = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "margin": 0.05}
+    kinds = {"manual": {"summary": "", "needs": ["hand"], "parameters": _HAND}}
+    return {
+        "kind": "hello",
+        "realm": "muro",
+        "scenario": "played",
+        "arena": (-2.1, -1.5, 2.1, 1.5),
+        "robots": dict.fromkeys(names, robot),
+        "cameras": {},
+        "behaviours": kinds,
+        "may_steer": True,
+        "simulated": False,
+        "faults": {},
+        **more,
+    }
+
+
 def receipt(*names: str, status: str = "stopped") -> Row:
     """The receipt of a stop that all of these robots answer alike."""
     row = {"status": status, "latched_after_s": 0.01, "at_rest_after_s": 0.2, "travelled_m": 0.0, "silent_s": None}
     confirmed = status == "stopped"
-    return {"confirmed": confirmed, "robots": dict.fromkeys(names, row), "lines": []}
+    return {"confirmed": confirmed, "robots": dict.fromkeys(names, row)}
 
 
 class PlayedBase:
@@ -100,17 +116,8 @@ class PlayedBase:
         self._socket = socket
         self.connections += 1
         socket.on_message(self._take)
-        kinds = {"manual": {"summary": "", "needs": ["hand"], "parameters": _HAND}}
-        hello = {
-            "kind": "hello",
-            "version": "0",
-            "realm": "muro",
-            "scenario": "played",
-            "arena": (-2.1, -1.5, 2.1, 1.5),
-        }
-        hello |= {"robots": dict.fromkeys(NAMES, _ROBOT), "cameras": {}, "behaviours": kinds}
-        self.send({**hello, "may_steer": True, "simulated": False, "faults": {}})
-        self.state(details=dict.fromkeys(NAMES, _DETAILS))
+        self.send(hello(NAMES))
+        self.state(details=dict.fromkeys(NAMES, DETAILS))
         self._changed.set()
 
     def state(self, **parts: Any) -> None:
@@ -137,17 +144,26 @@ class PlayedBase:
 
 
 @asynccontextmanager
-async def played(browser: Browser, **options: Any) -> AsyncIterator[tuple[Visit, PlayedBase]]:
-    """A page, and the base station that the test plays for it."""
+async def visit_played(
+    browser: Browser, connected: Callable[[WebSocketRoute], None], **options: Any
+) -> AsyncIterator[Visit]:
+    """A page of the files as they are, whose WebSocket nobody but the caller answers."""
 
     async def file(route: Route) -> None:
         await route.fulfill(path=STATIC / (route.request.url.partition("muro.test/")[2] or "index.html"))
 
-    base = PlayedBase()
     async with visit(browser, "about:blank", **options) as opened:
         await opened.page.route("http://muro.test/**", file)
-        await opened.page.route_web_socket("**/ws", base.connected)
+        await opened.page.route_web_socket("**/ws", connected)
         await opened.page.goto("http://muro.test/")
+        yield opened
+
+
+@asynccontextmanager
+async def played(browser: Browser, **options: Any) -> AsyncIterator[tuple[Visit, PlayedBase]]:
+    """A page, and the base station that the test plays for it."""
+    base = PlayedBase()
+    async with visit_played(browser, base.connected, **options) as opened:
         sending = asyncio.create_task(base.run(), name="states")
         try:
             await opened.sees(NAMES)
