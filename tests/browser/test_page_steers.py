@@ -214,7 +214,7 @@ async def test_a_killed_base_station_shows_and_comes_back(operator: Visit, run: 
     # The stop that was owed is given, and confirmed.
     await operator.page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
     await operator.page.locator("#veil").wait_for(state="hidden")
-    operator.complaints.clear()  # the browser says itself that it could not connect
+    operator.forgive_no_connection()
     await operator.resume()
 
 
