@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from playwright.async_api import Locator
 
@@ -105,3 +107,21 @@ async def test_the_circle_that_is_in_force_is_shown_after_it_was_set(there: Ther
     base.state(circle={**CIRCLE, "radius": 0.6, "revision": 3})
     await has(opened, radius, "0.6")
     assert await button.evaluate("button => button === document.activeElement")
+
+
+# ---- the floor
+
+
+async def test_a_goal_is_drawn_at_the_end_of_a_path_whoever_gave_it(there: There) -> None:
+    opened, base = there
+    is_ring = """([x, y]) => {
+        const [px, py] = window.muro.screenAt(x, y);
+        const pixel = new OffscreenCanvas(1, 1).getContext("2d");
+        pixel.drawImage(document.querySelector("#floor"), -px, 7 - py);
+        const [red, , blue] = pixel.getImageData(0, 0, 1, 1).data;
+        return blue - red > 50;
+    }"""  # above its middle
+    assert not await opened.page.evaluate(is_ring, [-1.0, -0.6])
+    base.tell("r1", path={"x": 0.2, "y": -0.6, "theta": math.pi, "segments": [(1.0, 0.0), (0.2, 0.0)]})
+    await opened.until(is_ring, argument=[-1.0, -0.6])
+    assert not await opened.page.evaluate(is_ring, [-0.8, -0.6]), "the path itself"
