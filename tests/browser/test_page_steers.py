@@ -11,9 +11,10 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
-from playwright.async_api import Browser, WebSocketRoute
+from playwright.async_api import Browser
 
 from tests.support.browser import PagedRun, Visit, visit
+from tests.support.silent_link import SilentLink
 from tests.support.waiting import seconds
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
@@ -230,27 +231,6 @@ def in_time(took: list[float], limit: float) -> None:
     own delays; the limit is scaled all the same, because between the two are five processes that a busy machine keeps
     waiting. benchmarks/page.py holds fifty of them to the limit itself."""
     assert max(took) < seconds(limit), took
-
-
-class SilentLink:
-    """A connection between a page and its base station that stays open, and may let nothing pass."""
-
-    def __init__(self) -> None:
-        self._passes = True
-
-    def connected(self, page: WebSocketRoute) -> None:
-        """A page connects."""
-        base = page.connect_to_server()
-        page.on_message(lambda message: base.send(message) if self._passes else None)
-        base.on_message(lambda message: page.send(message) if self._passes else None)
-
-    async def cut(self) -> None:
-        """Let nothing pass: neither end learns of it."""
-        self._passes = False
-
-    def mend(self) -> None:
-        """Let everything pass again."""
-        self._passes = True
 
 
 # ---- what a person does

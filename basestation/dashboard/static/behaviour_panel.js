@@ -84,7 +84,7 @@ export class BehaviourPanel {
   /** What the button does; nothing where the robots would pass it over, for they do what they do already. */
   #offer() {
     if (!this.#isRunning()) return `Start ${this.#what.value}`;
-    if (!this.#isLive()) return "Give these to all";
+    if (!this.#isLive()) return "Give to all";
     return this.#robots().some(({ condition }) => condition === "failed") ? "Start anew" : "";
   }
 

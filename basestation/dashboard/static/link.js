@@ -33,7 +33,7 @@ export class Link {
     let [state, words, wordsAge, why, more] = ["live", "Live", "", "", ""];
     if (open && !live) {
       [state, words, wordsAge] = ["old", "Old", age];
-      [why, more] = ["Nothing comes from the base station. This is what was seen last.", `For ${age}.`];
+      [why, more] = ["Nothing comes from the base station. This is what was seen last.", `Last heard ${age} ago.`];
     } else if (!open && refusal) {
       [state, words, why] = ["lost", "Not admitted", `The base station does not let this page in: ${refusal}.`];
     } else if (!open) {
@@ -43,7 +43,7 @@ export class Link {
       why = known
         ? "No connection to the base station. This is what was seen last."
         : "Connecting to the base station …";
-      more = known ? `For ${age}. ${again}` : "";
+      more = known ? `Last heard ${age} ago. ${again}` : "";
     }
     document.body.dataset.link = state;
     const parts = this.#parts;
