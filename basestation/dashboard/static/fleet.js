@@ -14,8 +14,6 @@ const NOTHING = {
   reason: "",
   note: "",
   complaints: [],
-  seen: null,
-  alive: false,
   pose_age: null,
   latency: null,
   cal: [null, null],

@@ -10,7 +10,6 @@
  * @property {number} radius  of its body [m].
  * @property {number} v_max  [m/s].
  * @property {number} omega_max  [rad/s].
- * @property {number | null} tag  id of its tag.
  * @property {number} margin  free floor that the separation filter keeps between two bodies [m].
  *
  * @typedef {object} Parameter  A parameter of a behaviour or a fault, with its limits.
@@ -37,7 +36,6 @@
  *
  * @typedef {object} Hello  Said first, and again when it changes.
  * @property {"hello"} kind
- * @property {string} version
  * @property {string} realm
  * @property {string} [scenario]
  * @property {Box} arena
@@ -66,8 +64,6 @@
  * @property {string} reason  why it does not drive; empty for one that does.
  * @property {string} note  what the separation filter does.
  * @property {string[]} complaints  what else its agent complains of.
- * @property {"tracking" | "disagrees" | "stale" | "lost" | null} seen
- * @property {boolean} alive  whether its agent is.
  * @property {number | null} pose_age  median of the last second [s].
  * @property {number | null} latency  from pose to command, median of the last second [s].
  * @property {[number | null, number | null]} cal  cal0, calD.
@@ -116,13 +112,11 @@
  * @property {Event[]} [events]  new ones.
  * @property {{rows: string, lasting: string[]}} [faults]  what was broken in this run, as rows of its scenario; what
  *   still is, in words.
- * @property {{clients: number}} [page]  how many pages are open.
  *
  * @typedef {object} Receipt  What a stop came to.
  * @property {boolean} confirmed
  * @property {Record<string, {status: string, latched_after_s: number | null, at_rest_after_s: number | null,
  *   travelled_m: number | null, silent_s: number | null}>} robots
- * @property {string[]} lines
  *
  * @typedef {object} Reply
  * @property {"reply"} kind
