@@ -25,7 +25,7 @@ from playwright.async_api import Browser, WebSocketRoute
 
 from benchmarks.support.rows import quantile, write
 from tests.support.browser import PagedRun, Visit, browser_missing, chromium, paged_run, visit
-from tests.support.played_base import DETAILS, hello, visit_played
+from tests.support.played_base import DETAILS, PlayedBase, hello, serve
 
 ROBOTS = 100
 RATE = 20.0
@@ -87,23 +87,37 @@ def _details(x: float, y: float, theta: float, deployed: bool) -> Row:
     }
 
 
-async def draw(browser: Browser, deployed: bool) -> Row:
-    """How long the page draws a hundred robots [ms]."""
-    packed = [msgpack.packb(state(number, deployed)) for number in range(int(SECONDS * RATE))]
-    tasks: set[asyncio.Task[None]] = set()
+class Crowd(PlayedBase):
+    """A base station that sends states of a hundred robots, and takes no orders.
 
-    async def serve(socket: WebSocketRoute) -> None:
+    Args:
+        deployed: whether they have cells, paths and goals.
+    """
+
+    sending: asyncio.Task[None]
+
+    def __init__(self, deployed: bool) -> None:
+        super().__init__()
+        self._packed = [msgpack.packb(state(number, deployed)) for number in range(int(SECONDS * RATE))]
+
+    def connected(self, socket: WebSocketRoute) -> None:
+        """A page connects."""
+        self.sending = asyncio.create_task(self._send_all(socket))
+
+    async def _send_all(self, socket: WebSocketRoute) -> None:
         socket.send(msgpack.packb(greeting()))
-        for message in packed:
+        for message in self._packed:
             socket.send(message)
             await asyncio.sleep(1.0 / RATE)
 
-    def connected(socket: WebSocketRoute) -> None:
-        tasks.add(asyncio.create_task(serve(socket)))
 
-    async with visit_played(browser, connected, viewport={"width": 1920, "height": 1080}) as opened:
+async def draw(browser: Browser, deployed: bool) -> Row:
+    """How long the page draws a hundred robots [ms]."""
+    crowd = Crowd(deployed)
+    async with visit(browser, "about:blank", viewport={"width": 1920, "height": 1080}) as opened:
+        await serve(opened, crowd)
         await opened.sees(NAMES)
-        await asyncio.gather(*tasks)
+        await crowd.sending
         times = await opened.muro("times")
         scene = "cells, paths, goals" if deployed else "circle"
         found = {q: quantile(times, value) for q, value in {"p50": 0.5, "p95": 0.95, "max": 1.0}.items()}

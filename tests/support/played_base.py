@@ -19,6 +19,10 @@ Row = dict[str, Any]
 NAMES = ("r1", "r2")
 
 _HAND = {"speed": {"type": "number", "default": 0.2}, "turning": {"type": "number", "default": 1.0}}
+_BEHAVIOURS: Row = {
+    "circle": {"summary": "", "needs": ["circle", "velocity"], "parameters": {"speed": _HAND["speed"]}},
+    "manual": {"summary": "", "needs": ["drive"], "parameters": _HAND},
+}
 
 DETAILS: Row = {
     "state": "driving",
@@ -40,7 +44,6 @@ DETAILS: Row = {
 def hello(names: Sequence[str], **more: Any) -> Row:
     """What a page gets first, of robots that are all alike."""
     robot = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "margin": 0.05}
-    kinds = {"manual": {"summary": "", "needs": ["hand"], "parameters": _HAND}}
     return {
         "kind": "hello",
         "realm": "muro",
@@ -48,7 +51,7 @@ def hello(names: Sequence[str], **more: Any) -> Row:
         "arena": (-2.1, -1.5, 2.1, 1.5),
         "robots": dict.fromkeys(names, robot),
         "cameras": {},
-        "behaviours": kinds,
+        "behaviours": _BEHAVIOURS,
         "may_steer": True,
         "simulated": False,
         "faults": {},
@@ -70,6 +73,8 @@ class PlayedBase:
         orders: what the page ordered, the newest last.
         answers: what is answered to each kind of order; None for nothing. Those that are missing are taken.
         stop: the stop that is shown.
+        places: where each robot is [m].
+        admits: whether who connects is let in.
         sends: whether states are sent.
         connections: how often the page has connected.
         t: of the newest state [s].
@@ -79,6 +84,8 @@ class PlayedBase:
         self.orders: list[Row] = []
         self.answers: dict[str, Callable[[Row], Row | None]] = {}
         self.stop: Row = {"all": False, "names": [], "revision": 1}
+        self.places = {name: (0.5 * turn, 0.0) for turn, name in enumerate(NAMES)}
+        self.admits = True
         self.sends = True
         self.connections = 0
         self.t = 0.0
@@ -113,17 +120,24 @@ class PlayedBase:
 
     def connected(self, socket: WebSocketRoute) -> None:
         """A page connects."""
-        self._socket = socket
         self.connections += 1
+        self._changed.set()
+        if not self.admits:
+            self._closing = asyncio.ensure_future(socket.close(code=4401))
+            return
+        self._socket = socket
         socket.on_message(self._take)
         self.send(hello(NAMES))
         self.state(details=dict.fromkeys(NAMES, DETAILS))
-        self._changed.set()
+
+    def tell(self, name: str, **details: Any) -> None:
+        """Send a state in which these details of a robot have changed."""
+        self.state(details={name: {**DETAILS, **details}})
 
     def state(self, **parts: Any) -> None:
         """Send a state."""
         self.t, self._seq = time.time(), self._seq + 1
-        robots = {name: [0.5 * turn, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0] for turn, name in enumerate(NAMES)}
+        robots = {name: [*place, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0] for name, place in self.places.items()}
         self.send({"kind": "state", "t": self.t, "seq": self._seq, "robots": robots, "stop": self.stop, **parts})
 
     async def run(self) -> None:
@@ -143,27 +157,26 @@ class PlayedBase:
             self.send({"kind": "reply", "id": order["id"], "order": order["order"], **answer})
 
 
-@asynccontextmanager
-async def visit_played(
-    browser: Browser, connected: Callable[[WebSocketRoute], None], **options: Any
-) -> AsyncIterator[Visit]:
-    """A page of the files as they are, whose WebSocket nobody but the caller answers."""
+There = tuple[Visit, PlayedBase]
+
+
+async def serve(opened: Visit, base: PlayedBase) -> None:
+    """Go to the page, as a base station serves it that the test plays."""
 
     async def file(route: Route) -> None:
         await route.fulfill(path=STATIC / (route.request.url.partition("muro.test/")[2] or "index.html"))
 
-    async with visit(browser, "about:blank", **options) as opened:
-        await opened.page.route("http://muro.test/**", file)
-        await opened.page.route_web_socket("**/ws", connected)
-        await opened.page.goto("http://muro.test/")
-        yield opened
+    await opened.page.route("http://muro.test/**", file)
+    await opened.page.route_web_socket("**/ws", base.connected)
+    await opened.page.goto("http://muro.test/")
 
 
 @asynccontextmanager
-async def played(browser: Browser, **options: Any) -> AsyncIterator[tuple[Visit, PlayedBase]]:
+async def played(browser: Browser, **options: Any) -> AsyncIterator[There]:
     """A page, and the base station that the test plays for it."""
     base = PlayedBase()
-    async with visit_played(browser, base.connected, **options) as opened:
+    async with visit(browser, "about:blank", **options) as opened:
+        await serve(opened, base)
         sending = asyncio.create_task(base.run(), name="states")
         try:
             await opened.sees(NAMES)
