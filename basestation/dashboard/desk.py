@@ -157,9 +157,10 @@ class Desk:
             log.error("%s: %r", task.get_name(), error, exc_info=error)
 
     async def _resume(self, order: ResumeOrder) -> dict[str, Any]:
-        result = await resume_robots(self._bus, order.names, order.revision)
-        if result.reply.accepted:
+        def accepted() -> None:
             self._stops.resumed(order.names)
+
+        result = await resume_robots(self._bus, order.names, order.revision, accepted)
         still = f"still stopped: {' '.join(result.still_stopped)}" if result.still_stopped else ""
         return _of_reply(result.reply, still)
 

@@ -122,9 +122,8 @@ class Stops:
         return ""
 
     def resumed(self, names: Collection[str]) -> None:
-        """Robots were resumed: stops of them that still wait for their turn are not sent anew, whoever gave them.
-
-        One that was sent just now is: the base station may not have known of it when it resumed them.
+        """Robots were resumed just now: stops of them that still wait for their turn are not sent anew, whoever gave
+        them. One that was sent a moment ago is: the base station may not have known of it.
 
         Args:
             names: which robots; none for all.

@@ -166,7 +166,9 @@ class _Watch:
         return found
 
 
-async def resume_robots(bus: Bus, names: tuple[str, ...], revision: int | None = None) -> ResumeResult:
+async def resume_robots(
+    bus: Bus, names: tuple[str, ...], revision: int | None = None, accepted: Callable[[], None] | None = None
+) -> ResumeResult:
     """Lift a stop.
 
     Args:
@@ -174,6 +176,7 @@ async def resume_robots(bus: Bus, names: tuple[str, ...], revision: int | None =
         names: of which robots; none for all.
         revision: of the stop that the operator saw; the base station refuses when there is a newer one. None for the
             newest that is received now.
+        accepted: called as soon as the base station has lifted it, before the robots have said so.
 
     Raises:
         NoReply: the base station is silent.
@@ -194,6 +197,8 @@ async def resume_robots(bus: Bus, names: tuple[str, ...], revision: int | None =
         answered = bus.clock.now()
         if not reply.accepted:
             return ResumeResult(reply, answered)
+        if accepted is not None:
+            accepted()
 
         def still_stopped() -> tuple[str, ...]:
             alive = roster.of("agent")

@@ -219,12 +219,10 @@ async def test_what_fails_is_answered(there: Lab) -> None:
     assert 2 in page.client.replies
 
 
-def hold_all_places(page: Page) -> list[Client]:
+def hold_all_places(page: Page, first: int = 2) -> None:
     """As many viewers as are confirmed at once stop r2, which is deaf."""
-    viewers = [Client(number, Right.VIEW) for number in range(2, 2 + stops._MOST_AT_ONCE)]
-    for viewer in viewers:
-        page.order("stop", 1, viewer, names=["r2"])
-    return viewers
+    for number in range(first, first + stops._MOST_AT_ONCE):
+        page.order("stop", 1, Client(number, Right.VIEW), names=["r2"])
 
 
 @virtual
@@ -260,6 +258,25 @@ async def test_a_stop_just_before_a_resume_is_sent_anew_at_its_turn(there: Lab) 
     assert stopped(agents) == set()
     await asyncio.sleep(3.0)
     assert stopped(agents) == {"r1"}
+
+
+@virtual
+async def test_a_stop_after_a_resume_that_a_robot_does_not_follow_is_confirmed_at_its_turn(there: Lab) -> None:
+    agents, page, last = await there.agents("r1", "r2", "r3", deaf="r2"), Page(there), Client(99, Right.VIEW)
+    store = await there.base_station()
+    page.order("stop", 1, last, names=["r3"])
+    await asyncio.sleep(1.0)
+    agents["r3"].deaf = True  # it stays stopped
+    hold_all_places(page)
+    hold_all_places(page, 50)  # these wait
+    await asyncio.sleep(0.3)
+    page.order("resume", 2, revision=store.stop.revision)
+    await asyncio.sleep(0.5)
+    page.order("stop", 2, last, names=["r1"])
+    await asyncio.sleep(10.0)
+    assert page.client.replies[2]["reason"].startswith("still stopped:"), "it was waited for"
+    assert last.replies[2]["receipt"]["confirmed"]
+    assert stopped(agents) == {"r1", "r3"}
 
 
 @virtual
