@@ -127,6 +127,10 @@ class FleetWatch:
     def _set_slow(self, now: float, seen: Mapping[str, RobotState], silent: float) -> None:
         healths, bases, behaviours = self._health.values(), self._bases.values(), self.behaviours
         alive = self._roster.of(Role.AGENT)
+        # What an agent keeps for late joiners ends with it, and it can no longer say so itself.
+        for kept in (self._paths, self._cells):
+            for name in kept.values().keys() - alive:
+                kept.forget(name)
         paths, cells = _messages(self._paths), _messages(self._cells)
         cal_v, cal_omega = _messages(self._cal_v), _messages(self._cal_omega)
         for name in self._scenario.robots:
@@ -264,7 +268,11 @@ def _value(calibration: Any) -> float | None:
 
 
 def _path(path: PlannedPath | None) -> dict[str, Any] | None:
-    return None if path is None else {"x": path.x, "y": path.y, "theta": path.theta, "segments": path.segments}
+    return (
+        None
+        if path is None or not path.segments
+        else {"x": path.x, "y": path.y, "theta": path.theta, "segments": path.segments}
+    )
 
 
 def _cell(cell: Cell | None) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ import pytest
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario, parse_scenario
-from muro_zenoh.messages import SetBehaviour
+from muro_zenoh.messages import PlannedPath, SetBehaviour
 from tests.support.page import TOKENS, PageFleet, page_fleet
 
 
@@ -146,10 +146,18 @@ class TestOrders:
             await client.until(lambda: client.details("r1").get("goal") == [0.5, 0.25, 1.5], 5.0, "the goal is shown")
             await client.until(lambda: client.details("r1").get("path"), 5.0, "the path is shown")
             assert len(client.details("r1")["path"]["segments"]) >= 1
+            await client.order("behaviour", behaviour="hold", names=["r1"])
+            await client.until(lambda: not client.details("r1")["path"], 5.0, "a path ends with its behaviour")
 
     async def test_a_goal_for_a_robot_without_an_agent_is_not_answered(self) -> None:
         async with page_fleet(lab(2), agents=["r1"]) as fleet, fleet.client() as client:
-            reply = await client.order("goal", name="r2", x=0.0, y=0.0)
+            async with fleet.bus(Role.AGENT) as dead:  # what it kept for late joiners, it can no longer end
+                path = dead.publisher(channels.PATH, "r2")
+                path.put(PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((1.0, 0.0),)))
+                reply = await client.order("goal", name="r2", x=0.0, y=0.0)
+                before = client.states
+                await client.until(lambda: client.states > before + 6, 5.0, "what is slow")
+                assert client.details("r2")["path"] is None
             assert reply["outcome"] == "unanswered"
             assert "r2 is not alive" in reply["reason"]
             reply = await client.order("goal", name="r7", x=0.0, y=0.0)
