@@ -47,6 +47,14 @@ export class History {
     return this.#samples.get(name)?.[quantity] ?? this.times.map(() => null);
   }
 
+  /** All of it as it is now; what comes later does not change it. @returns {History} */
+  copy() {
+    const made = new History();
+    made.times = [...this.times];
+    made.#samples = structuredClone(this.#samples);
+    return made;
+  }
+
   /** @returns {Record<Quantity, (number | null)[]>} */
   #empty() {
     /** @type {(number | null)[]} */

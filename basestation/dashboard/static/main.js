@@ -123,7 +123,7 @@ function start() {
   function recolour() {
     palette.read();
     arena.redraw();
-    plots.update(true);
+    plots.update();
   }
 
   function show() {
