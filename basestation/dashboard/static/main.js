@@ -75,7 +75,14 @@ function start() {
     setGoal: (x, y, theta) => card.sendTo(x, y, theta),
     moveCircle: (moved) => circle.give(moved),
   });
-  look(arena, pictures, fleet);
+  look(arena, async () => {
+    const on = !pictures.on;
+    at("pictures").ariaPressed = String(on);
+    const replies = await askForPictures(on);
+    const worst = replies.find(({ outcome }) => outcome !== "taken") ?? replies[0];
+    const none = { outcome: /** @type {const} */ ("refused"), reason: "there are no cameras" };
+    orders.notice(`Pictures of the cameras ${on ? "on" : "off"}`, worst ?? none);
+  });
   setInterval(show, READING);
   window.addEventListener("hashchange", () => location.reload()); // another token
 
@@ -86,7 +93,7 @@ function start() {
       arena.view.showArena(message.arena);
       at("tab-faults").hidden = !message.simulated;
       say(at("where"), [message.scenario, message.realm].filter(Boolean).join(" · "));
-      if (pictures.on) pictures.want(Object.keys(message.cameras), true);
+      if (pictures.on) void askForPictures(true);
       show();
     } else if (message.kind === "state") {
       fleet.take(message);
@@ -99,6 +106,11 @@ function start() {
     } else {
       orders.notice(message.order ? `A late answer to ${message.order}` : "A message", message);
     }
+  }
+
+  /** @param {boolean} on */
+  function askForPictures(on) {
+    return pictures.want(Object.keys(fleet.hello?.cameras ?? {}), on, fleet.state?.t ?? 0);
   }
 
   /** @param {boolean} open */
@@ -143,6 +155,7 @@ function start() {
         .join("; "),
     );
     say(at("hint"), hint());
+    say(at("silent"), pictures.silent(fleet.state?.t ?? 0).join("; "));
     arena.canvas.classList.toggle("aiming", maySetGoal());
     document.body.dataset.driving = driving.name;
   }
@@ -184,10 +197,9 @@ function start() {
  * The buttons that change how the arena is looked at.
  *
  * @param {Arena} arena
- * @param {Pictures} pictures
- * @param {Fleet} fleet
+ * @param {() => void} switchPictures  on or off.
  */
-function look(arena, pictures, fleet) {
+function look(arena, switchPictures) {
   /** @param {string} id @param {() => void} does */
   const on = (id, does) => {
     at(id).onclick = () => {
@@ -198,10 +210,7 @@ function look(arena, pictures, fleet) {
   on("zoom-in", () => arena.view.zoom(1.4));
   on("zoom-out", () => arena.view.zoom(1 / 1.4));
   on("all", () => arena.view.fit());
-  on("pictures", () => {
-    pictures.want(Object.keys(fleet.hello?.cameras ?? {}), !pictures.on);
-    at("pictures").ariaPressed = String(pictures.on);
-  });
+  on("pictures", switchPictures);
 }
 
 start();
