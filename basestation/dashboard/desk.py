@@ -173,7 +173,9 @@ class Desk:
         if result.refusals:
             reasons = "; ".join(f"{name} cannot run it: {reason}" for name, reason in result.refusals.items())
             return {"outcome": "refused", "reason": reasons}
-        return _of_reply(result.reply)
+        absent = [name for name in order.names or self._scenario.robots if not self._watch.has_agent(name)]
+        missing = f"no agent is running for {' '.join(absent)}" if absent and result.reply.accepted else ""
+        return _of_reply(result.reply, missing)
 
     async def _circle(self, order: CircleOrder) -> dict[str, Any]:
         change = SetCircle(x=order.x, y=order.y, radius=order.radius, clockwise=order.clockwise)

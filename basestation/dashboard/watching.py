@@ -79,6 +79,14 @@ class FleetWatch:
         """Whether this fleet is simulated, and a run is there that breaks it on an operator's order."""
         return bool(self._roster.of(Role.SUPERVISOR)) and bool(self._roster.of(Role.SIMULATOR))
 
+    def has_agent(self, name: str) -> bool:
+        """Whether a robot's agent is alive.
+
+        Args:
+            name: of the robot.
+        """
+        return name in self._roster.of(Role.AGENT)
+
     def tick(self) -> None:
         """Make the state of now."""
         now = self._bus.clock.now()

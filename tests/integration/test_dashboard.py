@@ -151,6 +151,8 @@ class TestOrders:
 
     async def test_a_goal_for_a_robot_without_an_agent_is_not_answered(self) -> None:
         async with page_fleet(lab(2), agents=["r1"]) as fleet, fleet.client() as client:
+            reply = await client.order("behaviour", behaviour="hold")
+            assert (reply["outcome"], reply["reason"]) == ("taken", "no agent is running for r2")
             async with fleet.bus(Role.AGENT) as dead:  # what it kept for late joiners, it can no longer end
                 path = dead.publisher(channels.PATH, "r2")
                 path.put(PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((1.0, 0.0),)))
