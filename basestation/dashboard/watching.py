@@ -30,6 +30,9 @@ _SLOW_PERIOD: Final = 0.25
 _PAGE: Final = "page"
 """This process among the others; nobody else needs to hear of it."""
 
+_ROUTER: Final = "router"
+"""The router among the processes: it says nothing itself, but nothing comes from anybody without it."""
+
 _UNKNOWN: Final = (None,) * 8
 
 
@@ -66,7 +69,8 @@ class FleetWatch:
         self._events = Events(self.frames)
         self._ring = RingOf(scenario)
         self._slow_at = -math.inf
-        self._processes = Processes()
+        self._processes = Processes(scenario.robots, tuple(scenario.camera))
+        self._began = bus.clock.now()
         self._processes_at = -math.inf
 
     @property
@@ -168,16 +172,30 @@ class FleetWatch:
                 },
             )
         self._set_kept(now, seen, behaviours)
-        self._events.processes(now, self._roster.alive)
+        self._events.processes(now, self._alive(now))
         if now - self._processes_at >= channels.HEALTH.period or now < self._processes_at:
             self._processes_at = now
             self._set_processes(now, healths)
 
     def _set_processes(self, now: float, healths: Mapping[str, Received[Health]]) -> None:
         own = Health(stamp=now, role=_PAGE, state="serving", numbers=self._bus.numbers())
-        reports = {_PAGE: Received(_PAGE, own, now, 0.0, 0.0), **healths}
-        alive = {(_PAGE, _PAGE), *self._roster.alive}
-        self.frames.set_part("processes", self._processes.rows(now, reports, alive))
+        heard = self._heard()
+        router = Health(stamp=heard, role=_ROUTER, state="reached")
+        reports = {
+            _PAGE: Received(_PAGE, own, now, 0.0, 0.0),
+            _ROUTER: Received(_ROUTER, router, heard, 0.0, 0.0),
+            **healths,
+        }
+        self.frames.set_part("processes", self._processes.rows(now, reports, {(_PAGE, _PAGE), *self._alive(now)}))
+
+    def _alive(self, now: float) -> set[tuple[str, str]]:
+        """Role and name of each process that is alive; the router is while anything comes from anybody."""
+        router = {(_ROUTER, _ROUTER)} if now - self._heard() <= channels.HEALTH.stale_after else set()
+        return self._roster.alive | router
+
+    def _heard(self) -> float:
+        """When anything came last [s]."""
+        return max((counters.arrival for counters in self._bus.counters.values()), default=self._began)
 
     def _goal_of(self, name: str, behaviour: Behaviour | None) -> list[float | None] | None:
         runs, goal = self._goals.get(name, ("", None))

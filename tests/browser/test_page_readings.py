@@ -92,3 +92,27 @@ async def test_a_picture_that_is_old_says_so_and_its_order_says_what_came_of_it(
     await said.filter(has_text="camera north: picture 4 s old; camera south: no picture yet").wait_for()
     await opened.page.locator("#pictures").click()
     await said.wait_for(state="hidden")
+
+
+# ---- processes
+
+
+async def test_only_what_says_that_it_is_well_is_green(there: There) -> None:
+    opened, base = there
+    report = {"role": "agent", "alive": True, "state": "x", "age": 0.5, "reasons": [], "complaints": [], "cpu": 1.0}
+    report |= {"memory": 40.0, "rates": {}, "ages": {}, "drops": 0, "rejects": 0}
+    rows = {
+        "r1": ("alive", {}),
+        "r2": ("silent", {"age": 9.0}),
+        "muro": ("silent", {"age": None, "cpu": None}),
+        "r3": ("dead", {"alive": False}),
+        "r4": ("dead", {"alive": False, "state": "missing", "age": None}),
+    }
+    base.state(processes={name: {**report, **more} for name, (_, more) in rows.items()})
+    await opened.page.locator("#tab-health").click()
+    await opened.page.locator("#panel-health tr", has_text="r4").wait_for()
+    signs = opened.page.locator("button.process > span")
+    assert [await sign.get_attribute("class") for sign in await signs.all()] == [sign for sign, _ in rows.values()]
+    assert await signs.all_inner_texts() == ["", "", "", "gone", "missing"]
+    said = await opened.page.locator("#panel-health .more p:visible").all_inner_texts()
+    assert said == ["it lives, and is silent", "lives; it reports nothing of itself"]

@@ -59,6 +59,11 @@ class TestWhatItShows:
             assert sum(client.state["gaps"].values()) == pytest.approx(2.0 * math.pi, abs=0.01)
             assert client.state["stop"]["all"] is False
             assert {"r1", "r2", "basestation", "simulator", "page"} <= client.state["processes"].keys()
+            assert client.state["processes"]["router"]["alive"], "something comes"
+            await fleet.end("basestation")
+            await fleet.end("r1")
+            await fleet.end("r2")
+            await client.until(lambda: not client.state["processes"]["router"]["alive"], 8.0, "nothing comes")
 
     async def test_a_state_has_what_is_slow_only_when_it_changed(self, fleet: PageFleet) -> None:
         async with fleet.client() as client:

@@ -326,6 +326,20 @@ def test_processes_with_what_they_use() -> None:
     assert rows.rows(103.0, {"r1": Received("r1", then, 102.0, 0.0, 0.0)}, set())["r1"]["alive"] is False
 
 
+def test_processes_that_were_never_started_are_missing() -> None:
+    rows = Processes(["r1", "r2"], ["north"])
+    health = Health(stamp=100.0, role="agent", state="x")
+    found = rows.rows(100.0, {"r1": Received("r1", health, 100.0, 0.0, 0.0)}, {("agent", "r1"), ("base", "r2")})
+    assert {name: (row["role"], row["state"], row["alive"]) for name, row in found.items()} == {
+        "north": ("camera", "missing", False),
+        "r1": ("agent", "x", True),
+        "r2": ("agent", "missing", False),
+        "r2/base": ("base", "", True),
+    }
+    assert found["r2"].keys() == found["r1"].keys()
+    assert "north" not in rows.rows(101.0, {}, {("simulator", "simulator")}), "the simulator films"
+
+
 @pytest.mark.parametrize("camera", ["north", "south"])
 def test_a_picture_shows_each_place_of_the_floor_where_it_is(camera: str) -> None:
     """At most 3 px off: a dot that a camera sees at a place is in the rectified picture at that place."""

@@ -7,6 +7,9 @@ import { amount, clock, figure } from "./words.js";
 
 const COLUMNS = ["process", "age", "CPU", "memory", "rate", "drops", "rejects"];
 
+/** Each reports once a second; one that is silent for longer may be frozen [s]. */
+const SILENT = 3;
+
 export class HealthPanel {
   #table = element("tbody", {});
   #events = element("ol", { className: "events" });
@@ -86,9 +89,11 @@ class ProcessRows {
   }
 
   /** @param {ProcessReport} report */
-  show({ alive, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }) {
-    this.#sign.className = alive ? "alive" : "dead";
-    say(this.#sign, alive ? "" : "gone");
+  show({ alive, state, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }) {
+    // One that lives and does not say how it is may be frozen: that is no green.
+    const silent = age === null || age === undefined || age > SILENT;
+    this.#sign.className = !alive ? "dead" : silent ? "silent" : "alive";
+    say(this.#sign, alive ? "" : state === "missing" ? "missing" : "gone");
     const fastest = Math.max(...Object.values(rates), -Infinity);
     const words = [
       amount(age, 1, "s"),
@@ -99,7 +104,14 @@ class ProcessRows {
       figure(rejects, 0),
     ];
     words.forEach((text, index) => say(/** @type {Element} */ (this.#cells[index]), text));
-    say(this.#wrong, [...complaints, ...reasons].join("; "));
+    // A run, or a program of the lab's own, need not report anything; one that did and does no longer is in trouble.
+    const unreported = alive && (age === null || age === undefined);
+    const frozen = alive && silent && !unreported ? ["it lives, and is silent"] : [];
+    say(
+      this.#wrong,
+      unreported ? "lives; it reports nothing of itself" : [...frozen, ...complaints, ...reasons].join("; "),
+    );
+    this.#wrong.className = unreported ? "hint" : "wrong";
     const inputs = Object.entries(rates).map(([word, rate]) => {
       const old = ages[word];
       const rest = old === undefined ? "" : `, ${figure(old, 2)} s old`;
