@@ -9,12 +9,16 @@ page's processor time in percent of one core, ``above`` what that is above no cl
 
 ``stop``: a client asks for a stop, and the time until it is on the bus [ms].
 
+``station``: a real base station, of which only the cameras are played, and a real page: processor time of both.
+
 ``run``: a real `muro run pursuit` of ten robots: processor time of its base station and of its page.
 
 ``beside``: how late a timer of 5 ms is in a process that also serves the page in a thread, in one that leaves it to
 another process, and in one that has no page; ten clients and the most robots.
 
 ``draw``: how long a browser takes to draw a hundred robots [ms], where there is one: benchmarks/page.py.
+
+Ends with the goals, and with 1 when one is missed.
 """
 
 from __future__ import annotations
@@ -46,6 +50,7 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.transport import open_bus
 from tests.support.browser import browser_missing
+from tests.support.router import free_port
 
 SETTLED = 3.0
 """Time before each measurement [s]."""
@@ -87,24 +92,21 @@ def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate(timeout=20)
 
 
-def free_port() -> int:
-    """A port that was free a moment ago."""
-    from basestation.dashboard.offer import listen
-
-    with contextlib.closing(listen("127.0.0.1", 0)) as probe:
-        port: int = probe.getsockname()[1]
-    return port
-
-
 class Played:
     """A router, a played fleet, and the page of it.
 
     Args:
         robots: how many are played.
         folder: for files.
+        station: whether there is a real base station; otherwise it is played, too.
+
+    Attributes:
+        station: the base station's process, where there is a real one.
     """
 
-    def __init__(self, robots: int, folder: Path) -> None:
+    station: subprocess.Popen[str]
+
+    def __init__(self, robots: int, folder: Path, station: bool = False) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.port = free_port()
         self.file = folder / f"lab{robots}.toml"
@@ -112,6 +114,7 @@ class Played:
         self.tokens = folder / "tokens.json"
         self.token = tokens_in(self.tokens).operator
         self._robots = robots
+        self._real_station = station
         self._stack = contextlib.ExitStack()
 
     @property
@@ -123,7 +126,10 @@ class Played:
         muro = ("-P", "-m", "muro_zenoh")
         enter = self._stack.enter_context
         enter(running(*muro, "router", "--listen", self.endpoint))
-        enter(running("-m", "benchmarks.support.page_traffic", self.endpoint, str(self._robots)))
+        what = "robots" if self._real_station else "all"
+        enter(running("-m", "benchmarks.support.page_traffic", self.endpoint, str(self._robots), what))
+        if self._real_station:
+            self.station = enter(running("-m", "benchmarks.support.page_station", self.endpoint, str(self.file)))
         return self
 
     def serve(self) -> psutil.Process:
@@ -136,11 +142,12 @@ class Played:
         self._stack.close()
 
 
-def cpu_of(process: psutil.Process, lasts: float) -> float:
-    """Processor time of a process over a time, in percent of one core."""
-    before, begin = sum(process.cpu_times()[:2]), time.monotonic()
+def cpu_of(lasts: float, *processes: psutil.Process) -> list[float]:
+    """Processor time of processes over a time, in percent of one core."""
+    before, begin = [sum(one.cpu_times()[:2]) for one in processes], time.monotonic()
     time.sleep(lasts)
-    return 100.0 * (sum(process.cpu_times()[:2]) - before) / (time.monotonic() - begin)
+    after, passed = [sum(one.cpu_times()[:2]) for one in processes], time.monotonic() - begin
+    return [round(100.0 * (end - was) / passed, 2) for was, end in zip(before, after, strict=True)]
 
 
 def measure(
@@ -150,13 +157,13 @@ def measure(
     arguments = ("-m", "benchmarks.support.page_clients", url, token, str(clients), str(asleep))
     load = start(*arguments, str(SETTLED + lasts + 1.0))
     time.sleep(SETTLED)
-    cpu = cpu_of(page, lasts)
+    (cpu,) = cpu_of(lasts, page)
     rest, _ = load.communicate(timeout=60)
     found = json.loads(rest.strip().splitlines()[-1])
     return {
         "clients": clients,
         "asleep": asleep,
-        "page_cpu_percent": round(cpu, 2),
+        "page_cpu_percent": cpu,
         "client_kb_per_s": round(found["bytes_per_s"] / 1e3, 1),
         "states_per_s": round(found["states_per_s"], 1),
         "page_rss_mb": round(page.memory_info().rss / 1e6, 1),
@@ -234,6 +241,15 @@ def played_rows(robots: int, clients: list[int], lasts: float, folder: Path) -> 
     return {"cpu": rows, "stops": stops}
 
 
+def station_rows(robots: int, clients: list[int], lasts: float, folder: Path) -> list[dict[str, Any]]:
+    """A real base station of a played fleet, and its page."""
+    with Played(robots, folder, station=True) as lab:
+        page = lab.serve()
+        time.sleep(SETTLED)
+        processes = psutil.Process(lab.station.pid), page
+        return [both_row("station", robots, number, lab.url, lab.token, lasts, *processes) for number in clients]
+
+
 def run_rows(clients: list[int], lasts: float, folder: Path) -> list[dict[str, Any]]:
     """A real run of ten robots: its base station and its page."""
     total = len(clients) * (lasts + SETTLED + 8.0) + 20.0
@@ -242,7 +258,6 @@ def run_rows(clients: list[int], lasts: float, folder: Path) -> list[dict[str, A
         [sys.executable, *command, "--duration", str(total), "--web", "127.0.0.1:0"],
         stdout=subprocess.PIPE, text=True, cwd=folder, env={**os.environ, "PYTHONPATH": os.getcwd()},
     )  # fmt: skip
-    rows: list[dict[str, Any]] = []
     try:
         assert process.stdout is not None
         found = next(match for text in process.stdout if (match := re.search(r"page: http://(\S+)/#token=(\S+)", text)))
@@ -250,28 +265,40 @@ def run_rows(clients: list[int], lasts: float, folder: Path) -> list[dict[str, A
         children = psutil.Process(process.pid).children()
         station = next(child for child in children if "basestation" in child.cmdline())
         (page,) = station.children()
-        for number in clients:
-            arguments = ("-m", "benchmarks.support.page_clients", f"ws://{found[1]}/ws", found[2], str(number), "0")
-            load = start(*arguments, str(SETTLED + lasts + 1.0))
-            time.sleep(SETTLED)
-            before = [sum(one.cpu_times()[:2]) for one in (station, page)]
-            time.sleep(lasts)
-            used = [sum(one.cpu_times()[:2]) - was for one, was in zip((station, page), before, strict=True)]
-            load.communicate(timeout=60)
-            rows.append({
-                "clients": number,
-                "basestation_cpu_percent": round(100.0 * used[0] / lasts, 2),
-                "page_cpu_percent": round(100.0 * used[1] / lasts, 2),
-            })  # fmt: skip
-            print(
-                f"run       10 robots  {number:>3} clients   base station {rows[-1]['basestation_cpu_percent']:>6.2f} %"
-                f"   page {rows[-1]['page_cpu_percent']:>6.2f} %",
-                flush=True,
-            )
+        url = f"ws://{found[1]}/ws"
+        return [both_row("run", 10, number, url, found[2], lasts, station, page) for number in clients]
     finally:
         process.terminate()
         process.communicate(timeout=30)
-    return rows
+
+
+def both_row(
+    what: str,
+    robots: int,
+    clients: int,
+    url: str,
+    token: str,
+    lasts: float,
+    station: psutil.Process,
+    page: psutil.Process,
+) -> dict[str, Any]:
+    """What a number of clients cost a base station and its page."""
+    arguments = ("-m", "benchmarks.support.page_clients", url, token, str(clients), "0")
+    load = start(*arguments, str(SETTLED + lasts + 1.0))
+    time.sleep(SETTLED)
+    of_station, of_page = cpu_of(lasts, station, page)
+    load.communicate(timeout=60)
+    print(
+        f"{what:<7} {robots:>4} robots  {clients:>3} clients   base station {of_station:>6.2f} %"
+        f"   page {of_page:>6.2f} %",
+        flush=True,
+    )
+    return {
+        "robots": robots,
+        "clients": clients,
+        "basestation_cpu_percent": of_station,
+        "page_cpu_percent": of_page,
+    }
 
 
 def beside_rows(robots: int, lasts: float, folder: Path) -> list[dict[str, Any]]:
@@ -314,7 +341,24 @@ def draw_rows() -> list[dict[str, Any]]:
     return rows
 
 
-def main() -> None:
+def goals(found: dict[str, Any]) -> list[tuple[str, float, float]]:
+    """What is wanted: in words, what was measured, and the most that it may be. Of the most robots and clients."""
+    robots = max(row["robots"] for row in found["played"])
+    played = {(row["clients"], row["asleep"]): row for row in found["played"] if row["robots"] == robots}
+    stations = [row["basestation_cpu_percent"] for row in found["station"] if row["robots"] == robots]
+    none, some = (row["stop_p50_ms"] for row in found["stops"] if row["robots"] == robots)
+    clients = max(number for number, _ in played)
+    rows = [
+        (f"page, {robots} robots, {clients} clients: % of a core above none", played[clients, 0]["above_percent"], 5.0),
+        (f"base station, {robots} robots, {clients} clients: % above none", stations[-1] - stations[0], 5.0),
+        ("ten clients that do not read: MB", played[1, 10]["page_rss_mb"] - played[1, 0]["page_rss_mb"], 10.0),
+        ("a stop with ten clients: ms later than with none", some - none, 10.0),
+    ]
+    return rows + [(f"a draw, {row['scene']}: ms", row["p95"], 8.0) for row in found["draws"]]
+
+
+def main() -> int:
+    """Measure, print, and say whether the goals are met."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", type=int, nargs="+", default=[10, 100], help="sizes of the played fleets")
     parser.add_argument(
@@ -331,13 +375,20 @@ def main() -> None:
             "seconds": given.seconds,
             "played": [row for one in played for row in one["cpu"]],
             "stops": [row for one in played for row in one["stops"]],
+            "station": [
+                row for robots in given.robots for row in station_rows(robots, given.clients, given.seconds, folder)
+            ],
             "run": run_rows(given.clients, given.seconds, folder),
             "beside": beside_rows(max(given.robots), given.seconds, folder),
             "draws": draw_rows(),
         }
     if given.json:
         given.json.write_text(json.dumps(found, indent=2) + "\n")
+    rows = goals(found)
+    for text, measured, most in rows:
+        print(f"goal    {text} {measured:.2f}, at most {most:g}: {'met' if measured <= most else 'MISSED'}")
+    return 0 if all(measured <= most for _, measured, most in rows) else 1
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

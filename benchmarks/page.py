@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import msgpack
-from playwright.async_api import Browser, Route, WebSocketRoute
+from playwright.async_api import Browser, WebSocketRoute
 
 from benchmarks.support.rows import quantile, write
-from tests.support.browser import STATIC, PagedRun, Visit, browser_missing, chromium, paged_run, visit
+from tests.support.browser import PagedRun, Visit, browser_missing, chromium, paged_run, visit
+from tests.support.played_base import DETAILS, PlayedBase, hello, serve
 
 ROBOTS = 100
 RATE = 20.0
@@ -39,24 +40,11 @@ NAMES = [f"r{number + 1}" for number in range(ROBOTS)]
 Row = dict[str, Any]
 
 
-def hello() -> Row:
-    """What the page is told first."""
-    robot = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "tag": 1, "margin": 0.05}
-    kind = {"summary": "", "needs": ["circle"], "parameters": {}}
+def greeting() -> Row:
+    """What the page gets first."""
     outline = [[ARENA[0], ARENA[1]], [ARENA[2], ARENA[1]], [ARENA[2], ARENA[3]], [ARENA[0], ARENA[3]]]
-    return {
-        "kind": "hello",
-        "version": "0",
-        "realm": "muro",
-        "scenario": "benchmark",
-        "arena": ARENA,
-        "robots": dict.fromkeys(NAMES, robot),
-        "cameras": {"north": {"outline": outline}},
-        "behaviours": {"pursuit": kind},
-        "may_steer": True,
-        "simulated": False,
-        "faults": {},
-    }
+    kinds = {"pursuit": {"summary": "", "needs": ["circle"], "parameters": {}}}
+    return hello(NAMES, arena=ARENA, cameras={"north": {"outline": outline}}, behaviours=kinds)
 
 
 def state(number: int, deployed: bool) -> Row:
@@ -88,16 +76,8 @@ def state(number: int, deployed: bool) -> Row:
 def _details(x: float, y: float, theta: float, deployed: bool) -> Row:
     corners = [[x - 0.8, y - 0.6], [x + 0.8, y - 0.6], [x + 0.8, y + 0.6], [x - 0.8, y + 0.6]]
     return {
-        "state": "driving",
-        "reason": "",
+        **DETAILS,
         "note": "keeps clear of r3",
-        "seen": "tracking",
-        "alive": True,
-        "pose_age": 0.06,
-        "latency": 0.002,
-        "cal": [1.0, 1.0],
-        "wheels": "",
-        "parameters": {},
         "behaviour": "coverage" if deployed else "pursuit",
         "cell": {"corners": corners, "x": x, "y": y} if deployed else None,
         "path": {"x": x, "y": y, "theta": theta, "segments": [[0.6, 2.0], [0.5, 0.0], [0.6, -2.0]]}
@@ -107,29 +87,37 @@ def _details(x: float, y: float, theta: float, deployed: bool) -> Row:
     }
 
 
-async def draw(browser: Browser, deployed: bool) -> Row:
-    """How long the page draws a hundred robots [ms]."""
-    packed = [msgpack.packb(state(number, deployed)) for number in range(int(SECONDS * RATE))]
-    tasks: set[asyncio.Task[None]] = set()
+class Crowd(PlayedBase):
+    """A base station that sends states of a hundred robots, and takes no orders.
 
-    async def serve(socket: WebSocketRoute) -> None:
-        socket.send(msgpack.packb(hello()))
-        for message in packed:
+    Args:
+        deployed: whether they have cells, paths and goals.
+    """
+
+    sending: asyncio.Task[None]
+
+    def __init__(self, deployed: bool) -> None:
+        super().__init__()
+        self._packed = [msgpack.packb(state(number, deployed)) for number in range(int(SECONDS * RATE))]
+
+    def connected(self, socket: WebSocketRoute) -> None:
+        """A page connects."""
+        self.sending = asyncio.create_task(self._send_all(socket))
+
+    async def _send_all(self, socket: WebSocketRoute) -> None:
+        socket.send(msgpack.packb(greeting()))
+        for message in self._packed:
             socket.send(message)
             await asyncio.sleep(1.0 / RATE)
 
-    def connected(socket: WebSocketRoute) -> None:
-        tasks.add(asyncio.create_task(serve(socket)))
 
-    async def file(route: Route) -> None:
-        await route.fulfill(path=STATIC / (route.request.url.partition("muro.test/")[2] or "index.html"))
-
+async def draw(browser: Browser, deployed: bool) -> Row:
+    """How long the page draws a hundred robots [ms]."""
+    crowd = Crowd(deployed)
     async with visit(browser, "about:blank", viewport={"width": 1920, "height": 1080}) as opened:
-        await opened.page.route("http://muro.test/**", file)
-        await opened.page.route_web_socket("**/ws", connected)
-        await opened.page.goto("http://muro.test/")
+        await serve(opened, crowd)
         await opened.sees(NAMES)
-        await asyncio.gather(*tasks)
+        await crowd.sending
         times = await opened.muro("times")
         scene = "cells, paths, goals" if deployed else "circle"
         found = {q: quantile(times, value) for q, value in {"p50": 0.5, "p95": 0.95, "max": 1.0}.items()}

@@ -35,15 +35,17 @@ async def keep_page(command: Sequence[str]) -> None:
     try:
         while True:
             began = loop.time()
-            code = await _run(command, environment, lifeline)
+            try:
+                code = await _run(command, environment, lifeline)
+                ended = f"ended with code {code}"
+            except OSError as error:  # no memory or no process is free just now
+                code, ended = None, f"cannot be started ({error})"
             if code == WRONG_USE:
                 log.error("no page: its process refused its settings")
                 return
             delay = _FIRST_DELAY if loop.time() - began > _SOON else min(2.0 * delay, _LONGEST_DELAY)
-            log.warning("the page's process ended with code %d; it is started anew in %g s", code, delay)
+            log.warning("the page's process %s; it is started anew in %g s", ended, delay)
             await asyncio.sleep(delay)
-    except OSError as error:
-        log.error("no page: its process cannot be started: %s", error)
     finally:
         os.close(lifeline)
         os.close(held)

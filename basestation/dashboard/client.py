@@ -11,15 +11,15 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from basestation.dashboard.access import Right
+from basestation.dashboard.allowance import Allowance
 from basestation.dashboard.frames import Frames
 from basestation.dashboard.requests import BadMessage
 
 MOST_BYTES: Final = 16_384
 """Size of a message that is taken [bytes]."""
 
-_RATE: Final = 100.0
-_BURST: Final = 200.0
-"""Messages that are taken [1/s], and at once."""
+_RATES: Final = {Right.VIEW: (10.0, 50.0), Right.STEER: (100.0, 200.0)}
+"""Messages that are taken [1/s], and at once: a viewer's are stops, and pictures."""
 
 _MOST_BAD: Final = 20
 """A client that has sent more invalid messages is disconnected."""
@@ -88,8 +88,7 @@ class Client:
         self._wake = asyncio.Event()
         self._seq = 0
         self._revision = -1
-        self._allowance = _BURST
-        self._allowed_at = asyncio.get_running_loop().time()
+        self._allowance = Allowance(*_RATES[right])
         self._bad = 0
 
     # ---- what others give it; none of this waits
@@ -148,11 +147,10 @@ class Client:
             for task in (sending, receiving):
                 task.cancel()
             await asyncio.wait({sending, receiving})
-            for task in (sending, receiving):
-                if not task.cancelled() and isinstance(task.exception(), _CLOSED):
-                    continue
-                if not task.cancelled():
-                    task.result()
+            if not receiving.cancelled():
+                receiving.result()
+            if not sending.cancelled() and not isinstance(sending.exception(), _CLOSED):
+                sending.result()
 
     async def _send(self) -> None:
         while True:
@@ -178,8 +176,8 @@ class Client:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 return
-            if not self._may_send():
-                await self._end(TOO_MANY, f"more than {_RATE:g} messages a second")
+            if not self._allowance.take():
+                await self._end(TOO_MANY, f"more than {_RATES[self.right][0]:g} messages a second")
                 return
             data = message.get("bytes")
             if data is None or len(data) > MOST_BYTES:
@@ -193,12 +191,6 @@ class Client:
                 if self._bad > _MOST_BAD:
                     await self._end(TOO_MANY, f"{self._bad} invalid messages: {error}"[:100])
                     return
-
-    def _may_send(self) -> bool:
-        now = asyncio.get_running_loop().time()
-        self._allowance = min(_BURST, self._allowance + _RATE * (now - self._allowed_at)) - 1.0
-        self._allowed_at = now
-        return self._allowance >= 0.0
 
     async def _end(self, code: int, reason: str) -> None:
         with contextlib.suppress(*_CLOSED):

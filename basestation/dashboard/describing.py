@@ -11,7 +11,6 @@ from typing import Annotated, Any, Final, Literal, get_args, get_origin
 import numpy as np
 
 from basestation.localization.floor_map import FloorMap
-from muro_zenoh import __version__
 from muro_zenoh.behaviours import table
 from muro_zenoh.config import Scenario
 from muro_zenoh.config.cameras import camera_model
@@ -41,7 +40,6 @@ def describe(scenario: Scenario) -> dict[str, Any]:
     arena = scenario.arena
     return {
         "kind": "hello",
-        "version": __version__,
         "realm": scenario.bus.realm,
         "scenario": scenario.name,
         "arena": [arena.x_min, arena.y_min, arena.x_max, arena.y_max],
@@ -50,7 +48,6 @@ def describe(scenario: Scenario) -> dict[str, Any]:
                 "radius": robot.radius,
                 "v_max": robot.v_max,
                 "omega_max": robot.omega_max,
-                "tag": robot.tag,
                 "margin": scenario.separation.margin if scenario.separation.enabled else 0.0,
             }
             for name, robot in scenario.robot.items()

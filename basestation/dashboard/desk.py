@@ -30,8 +30,8 @@ from muro_zenoh import channels
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.config import Scenario
-from muro_zenoh.errors import MuroError, NoReply
-from muro_zenoh.messages import Break, Clear, Goal, Reply, SetBehaviour, SetCircle
+from muro_zenoh.errors import MuroError, NoReply, OrderRefused
+from muro_zenoh.messages import Break, Clear, DriveWish, Goal, Reply, SetBehaviour, SetCircle
 from muro_zenoh.orders.behaviour import set_behaviour
 from muro_zenoh.orders.goal import send_goal
 from muro_zenoh.orders.stop import resume_robots
@@ -70,7 +70,7 @@ class Desk:
         self._watch = watch
         self._hands = Hands(bus)
         self._running: dict[int, set[asyncio.Task[None]]] = {}
-        self._stops = Stops(bus, watch.look)
+        self._stops = Stops(bus, scenario.robots, watch.look)
         self._give: Mapping[type, Callable[[Any], Coroutine[Any, Any, dict[str, Any]]]] = {
             ResumeOrder: self._resume,
             GoalOrder: self._goal,
@@ -104,12 +104,14 @@ class Desk:
             self._begin(client, order)
 
     def leave(self, client: Client) -> None:
-        """Forget a client that is gone: nothing is driven for it. Orders that it gave are carried out.
+        """Forget a client that is gone: nothing is driven for it. Orders that it gave are carried out, and what it
+        stopped stays stopped.
 
         Args:
             client: which.
         """
         self._hands.leave(client.number)
+        self._stops.leave(client)
 
     async def close(self) -> None:
         """Drive nobody any more, and wait for no answer: what was ordered holds."""
@@ -156,6 +158,8 @@ class Desk:
 
     async def _resume(self, order: ResumeOrder) -> dict[str, Any]:
         result = await resume_robots(self._bus, order.names, order.revision)
+        if result.reply.accepted:
+            self._stops.resumed(order.names)
         still = f"still stopped: {' '.join(result.still_stopped)}" if result.still_stopped else ""
         return _of_reply(result.reply, still)
 
@@ -199,12 +203,14 @@ class Desk:
             if behaviour is None or behaviour.behaviour not in _BY_HAND:
                 runs = f"runs {behaviour.behaviour}" if behaviour is not None else "has no behaviour yet"
                 raise ValueError(f"{order.name} {runs}: choose the behaviour {' or '.join(sorted(_BY_HAND))} first")
-            age = self._bus.clock.now() - order.t
-            if (order.v, order.omega) != (0.0, 0.0) and not 0.0 <= age <= _OLDEST_SIGHT:
-                raise ValueError(
-                    f"got a wish by a state of {age:.1f} s ago, expected at most {_OLDEST_SIGHT:g} s: the connection "
-                    "is too slow to drive by hand"
-                )
+            if (order.v, order.omega) != (0.0, 0.0):
+                self._require_free(order.name)
+                age = self._bus.clock.now() - order.t
+                if not 0.0 <= age <= _OLDEST_SIGHT:
+                    raise ValueError(
+                        f"got a wish by a state of {age:.1f} s ago, expected at most {_OLDEST_SIGHT:g} s: the "
+                        "connection is too slow to drive by hand"
+                    )
             self._hands.drive(client.number, order.name, order.v, order.omega)
         except (MuroError, ValueError) as error:
             if self._hands.may_complain(client.number):
@@ -221,6 +227,13 @@ class Desk:
     def _require(self, name: str) -> None:
         if name not in self._scenario.robot:
             raise ValueError(f"got the robot {name!r}, expected one of {', '.join(self._scenario.robots)}")
+
+    def _require_free(self, name: str) -> None:
+        """A wish has no reply from the robot, so that it ignores those of others would not be seen."""
+        ours = DriveWish(v=0.0, omega=0.0, operator=self._bus.operator)
+        for lease in self._watch.leases:
+            if lease.covers((name,)) and not lease.admits(ours):
+                raise OrderRefused(str(lease))
 
     @staticmethod
     def _answer(client: Client, order: Order, **values: Any) -> None:

@@ -166,7 +166,7 @@ class Pictures:
         message = {
             "kind": "picture",
             "camera": name,
-            "t": received.message.stamp,
+            "t": received.captured(),
             "jpeg": picture,
             "area": [area.x_min, area.y_min, area.x_max, area.y_max],
         }

@@ -86,7 +86,6 @@ class Dashboard:
         loop = asyncio.get_running_loop()
         due = loop.time()
         while True:
-            self._watch.frames.set_part("page", {"clients": len(self.clients)})
             self._watch.tick()
             breakable = self._watch.can_be_broken
             self.clients.change_hello(simulated=breakable, faults=self._faults if breakable else {})
@@ -107,7 +106,7 @@ async def run_dashboard(scenario: Scenario, address: Address, tokens: Tokens) ->
         NotConnected: no router answered.
         TransportError: the address cannot be listened on.
     """
-    logging.getLogger("uvicorn").setLevel(logging.WARNING)  # it greets at length
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # it greets at length, and warns of each request that is none
     listening = await _listen(address)
     log.info("the page is at %s", address.url)
     async with open_bus(scenario.bus, Role.OPERATOR) as bus:

@@ -7,9 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from muro_zenoh.messages import Name, Value
-
-Names = Annotated[tuple[Name, ...], Meta(max_length=1000)]
+from muro_zenoh.messages import Name, Names, Value
 
 
 class Order(msgspec.Struct, tag_field="order", forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -18,10 +18,10 @@ from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from basestation.dashboard.access import PROTOCOL, Access, Right
 from basestation.dashboard.client import MOST_BYTES, NOT_ADMITTED, Client, Taker
+from basestation.dashboard.connections import HttpConnection, WebSocketConnection
 from basestation.dashboard.frames import Frames
 
 STATIC: Final = Path(__file__).parent / "static"
@@ -30,9 +30,6 @@ _MOST_CLIENTS: Final = 64
 
 _FOR_OPERATORS: Final = 8
 """Of these, the places that viewers leave free."""
-
-_REQUEST_TIMEOUT: Final = 5.0
-"""A connection that has sent no request by then is closed [s]."""
 
 _PING_PERIOD: Final = 5.0
 """A client that is gone without a word is noticed within twice this time [s]."""
@@ -164,18 +161,6 @@ def make_app(clients: Clients, access: Access) -> Starlette:
     return Starlette(routes=routes, middleware=[Middleware(_Checked, access=access)])
 
 
-class _Protocol(H11Protocol):
-    """uvicorn's, which lets go of connections on which no request comes: each counts against the most."""
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        super().connection_made(transport)
-        self.loop.call_later(_REQUEST_TIMEOUT, self._expect_request)
-
-    def _expect_request(self) -> None:
-        if self.cycle is None and self.transport.get_protocol() is self:  # else it is a WebSocket by now
-            self.transport.close()
-
-
 class _Server(uvicorn.Server):
     """uvicorn, whose signals are the process's: the main task is cancelled, and everything with it."""
 
@@ -195,9 +180,9 @@ async def serve(app: ASGIApp, listening: socket.socket) -> None:
         app,
         lifespan="off",
         log_config=None,
-        http=_Protocol,
+        http=HttpConnection,
         access_log=False,
-        ws="websockets-sansio",
+        ws=WebSocketConnection,
         ws_max_size=4 * MOST_BYTES,
         ws_per_message_deflate=False,
         ws_ping_interval=_PING_PERIOD,

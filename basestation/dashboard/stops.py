@@ -27,7 +27,8 @@ _MOST_AT_ONCE: Final = 8
 station save its state. The others wait for their turn; their stops have been sent."""
 
 _MOST_OF_CLIENT: Final = 32
-"""Confirmations of one client that are under way or wait."""
+_MOST_OF_ALL: Final = 64
+"""Confirmations of one client, and of all viewers or all operators, that are under way or wait."""
 
 _MOST_IDS: Final = 16
 """Presses that one receipt answers; the oldest go unanswered."""
@@ -35,13 +36,15 @@ _MOST_IDS: Final = 16
 
 @dataclass(slots=True)
 class _Confirmation:
-    """What waits until robots have confirmed a stop, and the presses that it answers."""
+    """What waits until robots have confirmed a stop, and the presses that it answers. It has ``begun`` when it was its
+    turn: then its stop is sent anew, and repeated. ``sent`` is when it was sent, infinite when it could not be [s]."""
 
     client: Client
     names: tuple[str, ...]
     ids: list[int]
+    sent: float
+    begun: bool = False
     task: asyncio.Task[None] | None = None
-    began: float = math.inf
 
 
 class Stops:
@@ -52,11 +55,13 @@ class Stops:
 
     Args:
         bus: the bus, as an operator.
+        robots: those that are waited for; a stop of others is sent, and that is all.
         confirmed: called when a receipt is there.
     """
 
-    def __init__(self, bus: Bus, confirmed: Callable[[], None]) -> None:
+    def __init__(self, bus: Bus, robots: Collection[str], confirmed: Callable[[], None]) -> None:
         self._bus = bus
+        self._robots = frozenset(robots)
         self._confirmed = confirmed
         self._loop = asyncio.get_running_loop()
         self._places = {right: asyncio.Semaphore(_MOST_AT_ONCE) for right in (Right.VIEW, Right.STEER)}
@@ -70,24 +75,33 @@ class Stops:
             number: of its order, for the reply.
             names: which robots; none for all.
         """
-        key = client.number, tuple(sorted(set(names)))
+        sent = self._loop.time()
         try:
-            send_stop(self._bus, key[1])
+            send_stop(self._bus, tuple(sorted(set(names))))
         except Exception:  # whatever it is: the confirmation sends it again
             log.exception("stop of client %d: it cannot be sent; it is tried again", client.number)
+            sent = math.inf
+        known = tuple(sorted(self._robots.intersection(names)))
+        if names and not known:
+            reason = "none of these robots is in the fleet file; the stop was sent to them all the same"
+            client.reply(id=number, order="stop", outcome="refused", reason=reason)
+            return
         ids = [number]
-        running = self._under_way.get(key)
+        running = self._under_way.get((client.number, known))
         if running is not None:
             running.ids[:] = [*running.ids[1 - _MOST_IDS :], number]
-            if self._loop.time() - running.began < _YOUNG:
+            if not running.begun:
+                running.sent = sent
+                return
+            if self._loop.time() - running.sent < _YOUNG:
                 return
             self._end(running)
             ids = running.ids
-        elif sum(one.client is client for one in self._under_way.values()) >= _MOST_OF_CLIENT:
-            reason = f"it was sent to the robots; {_MOST_OF_CLIENT} receipts are still awaited"
+        elif awaited := self._too_many(client):
+            reason = f"it was sent to the robots; {awaited} receipts are still awaited"
             client.reply(id=number, order="stop", outcome="unanswered", reason=reason)
             return
-        made = self._under_way[key] = _Confirmation(client, key[1], ids)
+        made = self._under_way[client.number, known] = _Confirmation(client, known, ids, sent)
         made.task = asyncio.create_task(self._confirm(made), name=f"stop of client {client.number}")
 
     def make_way(self, client: Client, names: Collection[str]) -> str:
@@ -100,17 +114,34 @@ class Stops:
         Returns:
             Why it may not resume yet; empty when it may.
         """
-        own = [
-            one
-            for one in self._under_way.values()
-            if one.client is client and (not names or not one.names or not set(names).isdisjoint(one.names))
-        ]
-        if any(self._loop.time() - one.began < REPEATED_FOR for one in own):
+        own = [one for one in self._about(names) if one.client is client]
+        if any(self._loop.time() - one.sent < REPEATED_FOR for one in own):
             return "a stop was pressed just now, and is still sent: look again, then resume"
         for one in own:
-            self._end(one)
-            self._reply(one, {"outcome": "unanswered", "reason": "resumed before every robot had confirmed"})
+            self._overtake(one)
         return ""
+
+    def resumed(self, names: Collection[str]) -> None:
+        """Robots were resumed: stops of them that still wait for their turn are not sent anew, whoever gave them.
+
+        One that was sent just now is: the base station may not have known of it when it resumed them.
+
+        Args:
+            names: which robots; none for all.
+        """
+        for one in self._about(names):
+            if not one.begun and self._loop.time() - one.sent >= REPEATED_FOR:
+                self._overtake(one)
+
+    def leave(self, client: Client) -> None:
+        """Forget a client that is gone: its stops were sent, and those that wait for their turn do not any longer.
+
+        Args:
+            client: which.
+        """
+        for one in self._about(()):
+            if one.client is client and not one.begun and one.sent < math.inf:
+                self._end(one)
 
     async def close(self) -> None:
         """Wait for no receipt any longer: what was sent holds."""
@@ -123,7 +154,7 @@ class Stops:
     async def _confirm(self, one: _Confirmation) -> None:
         try:
             async with self._places[one.client.right]:
-                one.began = self._loop.time()
+                one.begun, one.sent = True, self._loop.time()
                 result = _of(await stop_robots(self._bus, one.names))
         except Exception as error:
             log.exception("stop of client %d: no receipt", one.client.number)
@@ -131,6 +162,21 @@ class Stops:
         self._forget(one)
         self._confirmed()
         self._reply(one, result)
+
+    def _about(self, names: Collection[str]) -> list[_Confirmation]:
+        """The confirmations that are about any of these robots; none for all."""
+        ones = self._under_way.values()
+        return [one for one in ones if not names or not one.names or not set(names).isdisjoint(one.names)]
+
+    def _too_many(self, client: Client) -> int:
+        """How many confirmations keep another one of a client from being awaited; 0 for none."""
+        alike = [one.client for one in self._under_way.values() if one.client.right is client.right]
+        own = sum(one is client for one in alike)
+        return own if own >= _MOST_OF_CLIENT else len(alike) if len(alike) >= _MOST_OF_ALL else 0
+
+    def _overtake(self, one: _Confirmation) -> None:
+        self._end(one)
+        self._reply(one, {"outcome": "unanswered", "reason": "resumed before every robot had confirmed"})
 
     def _end(self, one: _Confirmation) -> None:
         self._forget(one)
@@ -147,12 +193,11 @@ class Stops:
 
 
 def _of(result: StopResult) -> dict[str, Any]:
-    lines = receipt_lines(result)
     unheard = (StopStatus.UNCONFIRMED, StopStatus.NOT_ALIVE, StopStatus.UNKNOWN)
     latched = any(robot.status not in unheard for robot in result.robots.values())
     answered = latched or (result.reply is not None and result.reply.accepted)
     return {
         "outcome": "taken" if answered else "unanswered",
-        "reason": "" if result.confirmed else lines[-1],
-        "receipt": {**receipt_json(result), "lines": lines},
+        "reason": "" if result.confirmed else receipt_lines(result)[-1],
+        "receipt": receipt_json(result),
     }

@@ -15,7 +15,7 @@ from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.control import ring
-from muro_zenoh.messages import BaseState, Behaviour, Cell, Goal, Health, PlannedPath, RobotState
+from muro_zenoh.messages import BaseState, Behaviour, Cell, Goal, Health, Lease, PlannedPath, RobotState
 from muro_zenoh.transport import Bus, Latest, Received
 
 _COMMAND_TIMEOUT: Final = 0.5
@@ -49,7 +49,7 @@ class FleetWatch:
 
     def __init__(self, bus: Bus, scenario: Scenario) -> None:
         self.frames = Frames()
-        self._goals: dict[str, tuple[str, list[float | None]]] = {}
+        self._goals: dict[str, tuple[Any, list[float | None]]] = {}
         self._bus = bus
         self._scenario = scenario
         self._snapshot = bus.latest(channels.ALL_POSITIONS)
@@ -77,6 +77,15 @@ class FleetWatch:
     def behaviours(self) -> Mapping[str, Behaviour]:
         """The behaviour of each robot, as far as it is known."""
         return _messages(self._behaviours)
+
+    @property
+    def leases(self) -> list[Lease]:
+        """Those that are in force now, base station or not."""
+        received = self._lease.get()
+        if received is None:
+            return []
+        age = received.age(self._bus.clock.now())
+        return [lease for lease in received.message.leases if age < lease.left]
 
     @property
     def can_be_broken(self) -> bool:
@@ -107,15 +116,13 @@ class FleetWatch:
         self._slow_at = -math.inf
 
     def set_goal(self, name: str, goal: Goal) -> None:
-        """Show a goal that a robot has taken from a page, until it runs another behaviour.
+        """Show a goal that a robot has taken from a page, until its behaviour, or its agent, is started anew.
 
         Args:
             name: of the robot.
             goal: the goal.
         """
-        behaviour = self.behaviours.get(name)
-        if behaviour is not None:
-            self._goals[name] = behaviour.behaviour, [goal.x, goal.y, goal.theta]
+        self._goals[name] = self._run_of(name), [goal.x, goal.y, goal.theta]
 
     # ---- fast
 
@@ -158,8 +165,6 @@ class FleetWatch:
                     "reason": reason,
                     "note": report.note if report is not None else "",
                     "complaints": list(report.complaints) if report is not None else [],
-                    "seen": seen[name].state if name in seen else None,
-                    "alive": name in alive,
                     "pose_age": _median(report, "pose_age_s"),
                     "latency": _median(report, "pose_to_command_s"),
                     "cal": [_value(cal_omega.get(name)), _value(cal_v.get(name))],
@@ -168,7 +173,7 @@ class FleetWatch:
                     "parameters": dict(behaviour.parameters) if behaviour is not None else {},
                     "path": _path(path),
                     "cell": _cell(cell),
-                    "goal": self._goal_of(name, behaviour),
+                    "goal": self._goal_of(name),
                 },
             )
         self._set_kept(now, seen, behaviours)
@@ -197,9 +202,18 @@ class FleetWatch:
         """When anything came last [s]."""
         return max((counters.arrival for counters in self._bus.counters.values()), default=self._began)
 
-    def _goal_of(self, name: str, behaviour: Behaviour | None) -> list[float | None] | None:
-        runs, goal = self._goals.get(name, ("", None))
-        return goal if behaviour is not None and behaviour.behaviour == runs else None
+    def _goal_of(self, name: str) -> list[float | None] | None:
+        run, goal = self._goals.get(name, (None, None))
+        if run != self._run_of(name):
+            self._goals.pop(name, None)
+            return None
+        return goal
+
+    def _run_of(self, name: str) -> tuple[object, ...]:
+        """Which run of a behaviour a robot is in: another one does not know of a goal that this one took."""
+        kept, report = self._behaviours.get(name), self._health.get(name)
+        behaviour = (kept.message.behaviour, kept.message.parameters) if kept is not None else ()
+        return *behaviour, report.message.epoch if report is not None else None
 
     def _set_kept(self, now: float, seen: Mapping[str, RobotState], behaviours: Mapping[str, Behaviour]) -> None:
         frames = self.frames
@@ -229,12 +243,10 @@ class FleetWatch:
         if faults is not None:
             frames.set_part("faults", {"rows": faults.message.rows, "lasting": list(faults.message.lasting)})
             self._events.faults(now, faults.message.lasting)
-        lease = self._lease.get()
-        leases = lease.message.leases if lease is not None else ()
+        leases = self.leases
         held = [
             {"program": one.program, "operator": one.operator, "names": list(one.names), "since": one.since}
             for one in leases
-            if lease is not None and lease.age(now) < one.left
         ]
         frames.set_part("lease", held)
         self._events.leases(now, leases)

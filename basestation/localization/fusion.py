@@ -77,6 +77,7 @@ class Fusion:
         self.disbelieved = 0
         self._belief = Belief(arena, robots)
         self._agreement = Agreement()
+        self._now = -math.inf
         self._tracks: dict[str, dict[str, Track]] = {}
         self._leader: dict[str, str] = {}
         self._given: dict[str, float] = {}
@@ -97,6 +98,10 @@ class Fusion:
             now: when it has arrived [s].
         """
         camera, t = seen.camera, seen.captured
+        if now < self._now:  # the clock was set back: what was given before must not keep out what is seen since
+            for name in list(self._tracks):
+                self.forget(name)
+        self._now = now
         self._pace(camera, t, now)
         believed, elsewhere = [], []
         for sighting in seen.robots:

@@ -39,7 +39,8 @@ class PositionsTask:
         received_at: when each camera's newest frame arrived, good or not, by the camera's name [s].
         complaints: problems in the newest frame of each camera, by the camera's name.
         doubts: the robots that are not what they say, each with what is wrong, in words.
-        doubted: set when another robot is doubted, a camera has become silent or was moved, for the health report.
+        doubted: set when another robot is doubted or not seen where it can be, a camera has become silent or was moved,
+            for the health report.
     """
 
     def __init__(self, bus: Bus, robots: Iterable[str], fusion: Fusion, stale_after: float = STALE_AFTER) -> None:
@@ -92,9 +93,7 @@ class PositionsTask:
 
     def unbelieved(self) -> list[str]:
         """What was seen lately and not believed, and the cameras that were moved."""
-        now = self._clock.now()
-        lately = [text for text, captured in self._fusion.doubts.values() if now - captured < _DOUBTED]
-        return [*self._fusion.moved.values(), *lately]
+        return [*self._fusion.moved.values(), *self._lately_disbelieved().values()]
 
     def clear(self, name: str) -> bool:
         """Forget a robot's last position.
@@ -147,7 +146,13 @@ class PositionsTask:
         self._snapshots.put(FleetSnapshot(stamp=now, robots=self._table.snapshot(now)))
         before, self.doubts = self.doubts, self._table.doubts(now)
         silent = {("silent", camera) for camera, t in self.received_at.items() if now - t > CAMERA_SILENT}
-        faulty = silent | {("moved", camera) for camera in self._fusion.moved}
+        faulty = silent | {("moved", camera) for camera in self._fusion.moved} | self._lately_disbelieved().keys()
         if self.doubts.keys() - before.keys() or faulty - self._faulty:
             self.doubted.set()
         self._faulty = faulty
+
+    def _lately_disbelieved(self) -> dict[tuple[str, str], str]:
+        """What was seen lately and not believed, by camera and robot."""
+        now = self._clock.now()
+        doubts = self._fusion.doubts.items()
+        return {(f"camera {camera}", name): text for (camera, name), (text, t) in doubts if now - t < _DOUBTED}

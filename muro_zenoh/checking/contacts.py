@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -27,6 +28,11 @@ STANDING: Final = 0.01
 STOOD: Final = 1.6
 """Others have seen where a robot stands, and can have stopped before it, after this time [s]: 0.6 s of information, and
 1 s to brake from any speed that a robot of this project has."""
+
+_SEEN_BY: Final = 0.6
+_BRAKING: Final = STOOD - _SEEN_BY
+"""Nobody can know of a robot of which no picture has arrived this time [s] after it was put down, or after the start;
+once one has, the others need this time to brake [s]."""
 
 
 class ContactClass(StrEnum):
@@ -57,7 +63,7 @@ def contacts(record: Record) -> Iterator[Contact]:
         record: the record.
     """
     disturbed = disturbances(record)
-    standing = _standing(record)
+    standing = _standing(record) & ~_unknown(record)
     for i, j in itertools.combinations(range(len(record.names)), 2):
         touching = gaps(record, i, j) < 0.0
         for k in np.flatnonzero(touching & ~np.concatenate(([False], touching[:-1]))).tolist():
@@ -101,7 +107,20 @@ def disturbances(record: Record) -> Flags:
             over = np.flatnonzero((record.time >= effect.end + AFTERWARDS) & (clear >= CLEARANCE))
             end = int(over[0]) if len(over) else len(record.time)
             disturbed[np.searchsorted(record.time, effect.start) : end, i] = True
-    return disturbed
+    return disturbed | _unknown(record)
+
+
+def _unknown(record: Record) -> Flags:
+    """Whether nobody can know where a robot stands (T, N): no camera has seen it yet, or since it was carried."""
+    unknown = np.zeros((len(record.time), len(record.names)), dtype=bool)
+    for i, name in enumerate(record.names):
+        put_down = [(effect.end, effect.end) for effect in record.effects_on(name, "carry")]
+        for begin, picture in [(0.0, -math.inf), *put_down]:
+            later = np.flatnonzero((record.time >= begin) & (record.good_pose[:, i] > picture))
+            seen = float(record.time[later[0]]) if len(later) else math.inf
+            if seen > begin + _SEEN_BY:
+                unknown[(record.time >= begin) & (record.time < seen + _BRAKING), i] = True
+    return unknown
 
 
 def _standing(record: Record) -> Flags:

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from muro_zenoh.checking.judgement import Breach, Judgement
-from muro_zenoh.checking.record import Incident, Record
-from muro_zenoh.config.faults import LieFault, Place
+from muro_zenoh.checking.record import PERIOD, Incident, Record
+from muro_zenoh.config.faults import CarryFault, LieFault, Place
 
 NAMED_WITHIN: Final = 1.0
 """A disturbed robot is named on health within this time [s]."""
@@ -21,6 +21,14 @@ station lets pass (0.25 m, 0.6 rad), and what a robot drives while its estimate 
 
 _SHORTEST: Final = 0.4
 """The shortest lie of a trial [s]."""
+
+_CARRIED_OFF: Final = 0.12
+_WITHIN: Final = 0.4
+"""A robot is carried off when it is moved otherwise than by its wheels by so much [m] within this time [s]. One that is
+carried along its own way as slowly as it drives looks like one that drives."""
+
+_CLOCK_SETTLES: Final = 3.0
+"""A clock that was set concerns reports for this time [s]: until clocks have been compared again."""
 
 
 def named(record: Record) -> Judgement:
@@ -45,8 +53,10 @@ def named(record: Record) -> Judgement:
 
 
 def _wrong_from(record: Record, name: str, effect: Incident) -> float:
-    """From when a robot is not what it says. One that repeats its last right estimate lies only once it is elsewhere;
-    infinite when it never was, for as long as any lie lasts."""
+    """From when a robot is not what it says; infinite when it never was. One that is carried has to leave its own way.
+    One that repeats its last right estimate lies only once it is elsewhere, for as long as any lie lasts."""
+    if isinstance(effect.fault, CarryFault):
+        return _carried_off_from(record, name, effect)
     if not isinstance(effect.fault, LieFault) or not effect.fault.stuck:
         return effect.start
     i, first = record.names.index(name), int(np.searchsorted(record.time, effect.start))
@@ -54,6 +64,17 @@ def _wrong_from(record: Record, name: str, effect: Incident) -> float:
     off = record.pose[first:last, i] - record.pose[first, i]
     wrong = (np.hypot(off[:, 0], off[:, 1]) > _ELSEWHERE) | (np.abs(np.angle(np.exp(1j * off[:, 2]))) > _TURNED)
     return float(record.time[first + int(np.argmax(wrong))]) if wrong.any() else math.inf
+
+
+def _carried_off_from(record: Record, name: str, effect: Incident) -> float:
+    i = record.names.index(name)
+    theta, ways = record.pose[:, i, 2], record.pose[:, i, :2]
+    driven = PERIOD * record.command[:, i, :1] * np.stack((np.cos(theta), np.sin(theta)), axis=1)
+    strange = ways - np.cumsum(driven, axis=0)
+    first, last = np.searchsorted(record.time, (effect.start, effect.end))
+    then = np.minimum(np.arange(first, last) + round(_WITHIN / PERIOD), len(strange) - 1)
+    off = np.hypot(*(strange[then] - strange[first:last]).T) > _CARRIED_OFF
+    return float(record.time[first + int(np.argmax(off))]) if off.any() else math.inf
 
 
 def _is_named(record: Record, name: str, start: float, end: float) -> bool:
@@ -89,6 +110,10 @@ def _is_hampered(record: Record, effect: Incident) -> bool:
         other is not effect
         and (other.fault.place in shared or other.fault.robot in effect.robots)
         and other.start - NAMED_WITHIN < effect.start + NAMED_WITHIN
-        and effect.start < other.end + NAMED_WITHIN
+        and effect.start < _over(other) + NAMED_WITHIN
         for other in record.effects
     )
+
+
+def _over(effect: Incident) -> float:
+    return max(effect.end, effect.start + _CLOCK_SETTLES) if effect.fault.kind == "clock_step" else effect.end

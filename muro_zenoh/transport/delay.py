@@ -39,9 +39,9 @@ has to cover the drift that could not be followed during a few late half minutes
 quickest of 600 messages on Wi-Fi vary by, a few milliseconds. A path longer by less is taken in, and matters to nobody.
 """
 
-UNMEASURED = 3.0
+UNMEASURED = 5.0
 """A writer is judged by the clock of the one before it for this time [s]; a process that measures clocks has done so by
-then, and one that does not may have another clock."""
+then, even if it had just asked a base station that is gone, and one that does not may have another clock."""
 
 _MOST_WRITERS = 4
 

@@ -7,7 +7,6 @@ else count as quick, and wheel speeds would seem to be later than they are.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 from typing import Final
 
@@ -57,9 +56,11 @@ class MeasuredClock:
         """Measure until cancelled."""
         while True:
             unknown = self._estimate.best is None
-            with contextlib.suppress(MuroError):  # nobody answers, or not with a reply: it is asked again
-                await self._ask()
             self._at_once = max(0, self._at_once - 1)
+            try:
+                await self._ask()
+            except MuroError:  # nobody answers, or not with a reply
+                self._at_once = max(1, self._at_once)  # another one may be there by now
             if unknown and self._estimate.best is not None:
                 continue  # the other one learns of our clock with the second question
             await asyncio.sleep(_FIRST_PERIOD if self._at_once else _PERIOD)

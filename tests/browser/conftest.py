@@ -9,6 +9,7 @@ import pytest_asyncio
 from playwright.async_api import Browser
 
 from tests.support.browser import PagedRun, Visit, browser_missing, chromium, paged_run, visit
+from tests.support.played_base import There, played
 
 
 @pytest_asyncio.fixture(scope="package", loop_scope="package")
@@ -32,4 +33,11 @@ async def operator(browser: Browser, run: PagedRun) -> AsyncIterator[Visit]:
     """The page of somebody who may steer, with every robot in it."""
     async with visit(browser, run.url) as opened:
         await opened.sees(run.robots)
+        yield opened
+
+
+@pytest_asyncio.fixture(loop_scope="package")
+async def there(browser: Browser) -> AsyncIterator[There]:
+    """A page, and the base station that the test plays for it."""
+    async with played(browser) as opened:
         yield opened

@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import mimetypes
-from collections.abc import AsyncIterator
+import re
 from typing import Any
 
 import pytest
-import pytest_asyncio
 from playwright.async_api import Browser
 
 from tests.support.browser import STATIC, Visit, visit
-from tests.support.played_base import NAMES, PlayedBase, played, receipt
+from tests.support.played_base import NAMES, PlayedBase, There, receipt, serve
 from tests.support.waiting import seconds
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package")]
-
-There = tuple[Visit, PlayedBase]
-
-
-@pytest_asyncio.fixture(loop_scope="package")
-async def there(browser: Browser) -> AsyncIterator[There]:
-    async with played(browser) as opened:
-        yield opened
 
 
 async def shows_stopped(there: There, **stop: Any) -> None:
@@ -166,107 +158,60 @@ async def test_a_connection_that_is_never_opened_is_given_up(browser: Browser) -
             await opened.page.clock.fast_forward(200)
             await opened.page.clock.fast_forward(300)  # it waits a little before it tries again
             await asked.get()
-        opened.complaints.clear()  # the browser says itself that it could not connect
+        opened.complaints = [text for text in opened.complaints if "closed before the connection" not in text]
     server.close()
 
 
-# ---- driving by hand
+async def test_who_is_not_let_in_asks_less_and_less_often(browser: Browser) -> None:
+    """By the page's own clock: the waits get longer, although each connection is opened before it is refused."""
+    base = PlayedBase()
+    base.admits = False
+    asked: list[float] = []
+    async with visit(browser, "about:blank") as opened:
+        await opened.page.clock.install()
+        await serve(opened, base)
+        veil = opened.page.locator("#veil", has_text="does not let this page in")
+        for count in range(1, 5):
+            while base.connections < count:
+                await opened.page.clock.fast_forward(50)
+            asked.append(await opened.page.evaluate("performance.now()"))
+            await veil.wait_for()
+            assert not await opened.muro("connected")
+    waits = [after - before for before, after in itertools.pairwise(asked)]
+    for wait, least in zip(waits, (200, 450, 950), strict=True):
+        assert wait >= least, waits
 
 
-@pytest_asyncio.fixture(loop_scope="package")
-async def by_hand(there: There) -> There:
-    """r1 is driven."""
+# ---- browsers
+
+
+async def test_a_browser_that_keeps_nothing_shows_the_page(there: There) -> None:
     opened, _ = there
-    await opened.page.locator("#robots strong", has_text="r1").click()
-    await opened.page.locator("#card button", has_text="Drive by hand").click()
-    await opened.page.locator(".pad").wait_for()
-    return there
+    await opened.page.add_init_script(
+        "Object.defineProperty(window, 'localStorage', {get() { throw new DOMException('blocked', 'SecurityError') }})"
+    )
+    await opened.page.reload()
+    await opened.sees(NAMES)
+    await opened.page.locator("#theme").click()
+    assert await opened.page.locator("#theme").get_attribute("aria-label") == "Colours: light"
 
 
-def wish(base: PlayedBase) -> tuple[float, float]:
-    """What the page wants of the robot."""
-    drives = base.of("drive")
-    return (drives[-1]["v"], drives[-1]["omega"]) if drives else (0.0, 0.0)
-
-
-async def drives(base: PlayedBase) -> None:
-    before = len(base.of("drive"))
-    await base.until(lambda: len(base.of("drive")) > before + 2 and wish(base) != (0.0, 0.0), "it drives")
-
-
-async def stands(base: PlayedBase) -> None:
-    """It is commanded zero, and nothing after that."""
-    await base.until(lambda: wish(base) == (0.0, 0.0), "it stands")
-    sent = len(base.of("drive"))
-    await asyncio.sleep(0.25)
-    assert len(base.of("drive")) == sent
-
-
-async def test_a_wish_has_the_time_of_what_was_seen(by_hand: There) -> None:
-    opened, base = by_hand
-    await opened.page.keyboard.down("ArrowUp")
-    await drives(base)
+async def test_ages_are_not_read_aloud(there: There) -> None:
+    """A live region is read whenever it changes: what changes five times a second stands beside it."""
+    opened, base = there
     base.sends = False
-    await stands(base)  # what is shown is old: the hand is off
-    base.sends = True
-    await asyncio.sleep(0.3)
-    assert wish(base) == (0.0, 0.0), "the key must come anew"
-    assert all(abs(order["t"] - base.t) < seconds(30.0) for order in base.of("drive"))
-    assert len({order["t"] for order in base.of("drive")}) > 2
-    # A late answer is not one to the stick.
-    base.send({"kind": "reply", "id": 999, "order": "circle", "outcome": "refused", "reason": "too late"})
-    assert "circle" in await opened.notice("too late")
-    base.send({"kind": "reply", "id": None, "order": "", "outcome": "refused", "reason": "not an order"})
-    assert "Drive" not in await opened.notice("not an order")
-    base.send({"kind": "reply", "id": 0, "order": "drive", "outcome": "refused", "reason": "driven from another page"})
-    assert "Drive r1" in await opened.notice("driven from another page")
-
-
-async def test_a_key_whose_release_may_be_lost_drives_no_longer(by_hand: There) -> None:
-    opened, base = by_hand
-    for lost in ("Meta", "Control", "Alt", "menu"):
-        await opened.page.keyboard.down("ArrowUp")
-        await drives(base)
-        if lost == "menu":
-            await opened.page.evaluate("window.dispatchEvent(new MouseEvent('contextmenu', {bubbles: true}))")
-        else:
-            await opened.page.keyboard.down(lost)
-        await stands(base)
-        await opened.page.keyboard.up("ArrowUp")
-        if lost != "menu":
-            await opened.page.keyboard.up(lost)
-
-
-async def test_a_finger_on_the_stick_must_come_anew_after_the_page_lost_the_focus(by_hand: There) -> None:
-    opened, base = by_hand
-    mouse, pad = opened.page.mouse, await opened.page.locator(".pad").bounding_box()
-    assert pad is not None
-    x, y = pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2
-    await mouse.move(x, y)
-    await mouse.down()
-    await mouse.move(x, y - 40, steps=2)
-    await drives(base)
-    await mouse.move(x, y)  # in the middle it rests, and goes on with the same finger
-    await stands(base)
-    await mouse.move(x, y - 40, steps=2)
-    await drives(base)
-    await opened.page.evaluate("window.dispatchEvent(new Event('blur'))")
-    await mouse.move(x - 30, y - 30, steps=3)
-    await stands(base)
-    await mouse.up()
-    await mouse.down()
-    await drives(base)
-    await mouse.up()
-    await stands(base)
-
-
-async def test_who_is_not_shown_as_driven_is_not_driven(by_hand: There) -> None:
-    opened, base = by_hand
-    await opened.page.keyboard.down("KeyW")
-    await drives(base)
-    await opened.page.locator("#robots strong", has_text="r1").click()  # it is no longer selected
-    await stands(base)
-    await opened.page.keyboard.up("KeyW")
-    await opened.page.keyboard.down("KeyW")
-    await asyncio.sleep(0.25)
-    assert wish(base) == (0.0, 0.0)
+    await opened.page.locator("#veil").wait_for()
+    await opened.page.evaluate(
+        """() => {
+            window.spoken = [];
+            const observer = new MutationObserver(() => window.spoken.push(document.body.innerText));
+            for (const region of document.querySelectorAll("[role=status], [role=alert]"))
+                observer.observe(region, {subtree: true, childList: true, characterData: true});
+        }"""
+    )
+    for where in ("#link-age", "#veil-age"):
+        before = await opened.page.locator(where).inner_text()
+        assert re.search(r"\d s\b", before), "an age"
+        differs = "([where, before]) => document.querySelector(where).innerText !== before"
+        await opened.until(differs, 5.0, [where, before])
+    assert await opened.page.evaluate("window.spoken") == []

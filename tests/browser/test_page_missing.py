@@ -99,7 +99,7 @@ async def open_when_served(opened: Visit, url: str) -> None:
             break
         except Exception:
             await opened.page.wait_for_timeout(100)
-    opened.complaints.clear()
+    opened.forgive_no_connection()
 
 
 async def aside(opened: Visit) -> list[str]:

@@ -3,43 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator
 from typing import Any
 
 import numpy as np
 import pytest
-import pytest_asyncio
-from playwright.async_api import Browser
 
 from muro_zenoh.optics.jpeg import encode_jpeg
-from tests.support.browser import Visit
-from tests.support.played_base import NAMES, PlayedBase, played
+from tests.support.played_base import NAMES, There, hello
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package")]
 
 PICTURE = encode_jpeg(np.full((20, 20), 128, np.uint8), 70)
 
-There = tuple[Visit, PlayedBase]
-
-
-@pytest_asyncio.fixture(loop_scope="package")
-async def there(browser: Browser) -> AsyncIterator[There]:
-    async with played(browser) as opened:
-        yield opened
-
-
 def rows(v: float, wanted: float) -> dict[str, Any]:
     """Robots that drive at a speed, and are to drive at another [m/s]."""
     return {name: [0.5 * turn, 0.0, 0.0, v, 0.0, 0.05, wanted, 0.0] for turn, name in enumerate(NAMES)}
-
-
-def greet(base: PlayedBase, **parts: Any) -> None:
-    """Greet the page anew."""
-    robot = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "margin": 0.05}
-    hello = {"realm": "muro", "scenario": "played", "arena": (-2.1, -1.5, 2.1, 1.5), "cameras": {}, "behaviours": {}}
-    robots = dict.fromkeys(NAMES, robot)
-    more = {"robots": robots, "may_steer": True, "simulated": False, "faults": {}}
-    base.send({"kind": "hello", **hello, **more, **parts})
 
 
 # ---- plots
@@ -79,7 +57,7 @@ async def test_a_picture_that_is_old_says_so_and_its_order_says_what_came_of_it(
     await opened.page.locator("#pictures").click()
     assert "refused there are no cameras" in await opened.notice("Pictures of the cameras on")
     await opened.page.locator("#pictures").click()
-    greet(base, cameras={"north": {"outline": []}, "south": {"outline": []}})
+    base.send(hello(NAMES, cameras={"north": {"outline": []}, "south": {"outline": []}}))
     await opened.until("() => window.muro.state.t > 0")
     base.answers["picture"] = lambda order: {"outcome": "taken", "reason": ""}
     await opened.page.locator("#pictures").click()

@@ -7,11 +7,14 @@ import math
 import random
 import signal
 import time
+from collections.abc import Awaitable, Callable
+from typing import Any
 
 import pytest
 from playwright.async_api import Browser
 
 from tests.support.browser import PagedRun, Visit, visit
+from tests.support.silent_link import SilentLink
 from tests.support.waiting import seconds
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package"), pytest.mark.slow]
@@ -127,34 +130,39 @@ async def test_an_idle_page_sends_nothing(operator: Visit, run: PagedRun) -> Non
 
 
 async def test_a_held_key_and_a_lost_hand_give_zero_wheels(browser: Browser, run: PagedRun) -> None:
-    """The focus goes, the tab is hidden, the connection is cut: each with the key still held."""
-    losses = {
-        "blur": "window.dispatchEvent(new Event('blur'))",
-        "hidden": "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
-        "document.dispatchEvent(new Event('visibilitychange'))",
-        "cut": "",
+    """The focus goes, the tab is hidden, nothing passes any more, the page is closed: each with the key still held."""
+    link = SilentLink()
+    losses: dict[str, Callable[[Visit], Awaitable[Any]]] = {
+        "blur": lambda opened: opened.page.evaluate("window.dispatchEvent(new Event('blur'))"),
+        "hidden": lambda opened: opened.page.evaluate(
+            "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+            "document.dispatchEvent(new Event('visibilitychange'))"
+        ),
+        "silent": lambda opened: link.cut(),
+        "closed": lambda opened: opened.page.close(),
     }
     took = []
-    async with visit(browser, run.url) as opened:
+    async with visit(browser, "about:blank") as opened:
+        await opened.page.route_web_socket("**/ws", link.connected)
+        await opened.page.goto(run.url)
         await opened.sees(run.robots)
         await by_hand(opened, "r3")
-        for turn, (loss, event) in enumerate(losses.items()):
+        for turn, (loss, lose) in enumerate(losses.items()):
             key = ("ArrowLeft", "ArrowRight")[turn % 2]
             await opened.page.keyboard.down(key)
             await run.time_until(lambda: abs(run.truth("r3").omega) > 0.3, 5.0, "r3 turns")
             lost = time.time()
-            if event:
-                await opened.page.evaluate(event)
-            else:
-                await opened.page.close()
+            await lose(opened)
             await run.time_until(lambda: "r3" not in run.moving(), 5.0, f"r3 stands: {loss}")
             took.append(run.at_rest_since("r3") - lost)
-            if event:
+            if loss != "closed":
                 await opened.page.keyboard.down(key)  # as a held key repeats
             await asyncio.sleep(0.3)
             assert "r3" not in run.moving(), f"and it goes on standing: {loss}"
-            if event:
+            if loss != "closed":
+                link.mend()
                 await opened.page.keyboard.up(key)
+                await opened.page.locator("#link", has_text="Live").wait_for()
     in_time(took, LET_GO_WITHIN + BRAKING)
     async with visit(browser, run.url) as opened:
         await opened.sees(run.robots)
@@ -214,7 +222,7 @@ async def test_a_killed_base_station_shows_and_comes_back(operator: Visit, run: 
     # The stop that was owed is given, and confirmed.
     await operator.page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
     await operator.page.locator("#veil").wait_for(state="hidden")
-    operator.complaints.clear()  # the browser says itself that it could not connect
+    operator.forgive_no_connection()
     await operator.resume()
 
 

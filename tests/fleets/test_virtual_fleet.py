@@ -243,6 +243,29 @@ def test_a_foreign_program_is_named_soon_after_the_base_stations_clock_was_set(s
     assert 6.0 < named[0] < 7.0
 
 
+@pytest.mark.parametrize("at", [3.0, 3.25, 3.5, 3.75])
+def test_a_robot_that_is_carried_off_faster_than_one_can_drive_is_named_at_once(at: float) -> None:
+    trace = run_fleet(lab({"kind": "carry", "target": "r1", "at": at, "duration": 0.3, "x": 0.6}, duration=5.5), 1)
+    named = [report.time for report in trace.reports if any("sees r1" in reason for reason in report.reasons)]
+    assert named
+    assert at < named[0] < at + 0.5
+
+
+@pytest.mark.parametrize("step", [-30.0, 30.0])
+def test_robots_drive_on_after_the_base_stations_clock_was_set(step: float) -> None:
+    trace = run_fleet(lab({"kind": "clock_step", "target": "basestation", "at": 3.0, "step": step}, duration=7.0), 1)
+    assert commanded(trace, "r1", 6.5)
+    assert commanded(trace, "r2", 6.5)
+
+
+def test_late_pictures_are_late_to_a_base_station_that_was_restarted_meanwhile() -> None:
+    """The camera's question was under way to the one before, so it compares clocks with this one only seconds later."""
+    slow = {"kind": "delay", "target": "camera/north", "at": 3.0, "until": 11.0, "delay": 0.7}
+    restart = {"kind": "restart", "target": "basestation", "at": 4.0, "until": 4.4}
+    _, result = run_trial(lab(slow, restart, duration=10.0, camera={"north": {}}), 1)
+    assert not result.breaches
+
+
 def test_a_joystick_drives_past_our_base() -> None:
     joystick = {"kind": "foreign_driver", "target": "r1", "at": 3.0, "until": 4.0, "by": "wheels", "v": -0.2}
     trace = run_fleet(lab(joystick), 1)

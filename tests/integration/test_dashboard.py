@@ -37,7 +37,7 @@ class TestWhatItShows:
             await client.until(lambda: client.hello, 5.0, "a greeting")
             hello = client.hello
             assert hello["arena"] == [-2.1, -1.5, 2.1, 1.5]
-            assert hello["robots"]["r1"] == {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "tag": 0, "margin": 0.046}
+            assert hello["robots"]["r1"] == {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "margin": 0.046}
             assert hello["may_steer"] is True
             assert (hello["simulated"], hello["faults"]) == (False, {})
             speed = hello["behaviours"]["circle"]["parameters"]["speed"]
@@ -113,7 +113,6 @@ class TestOrders:
             assert (reply["outcome"], reply["reason"]) == ("taken", "")
             robots = reply["receipt"]["robots"]
             assert {name: row["status"] for name, row in robots.items()} == {"r1": "stopped", "r2": "stopped"}
-            assert reply["receipt"]["lines"][-1] == "2 of 2 robots stopped"
             assert fleet.wheels("r1") == fleet.wheels("r2") == (0.0, 0.0)
             await client.until(lambda: client.details("r2").get("state") == "stopped", 5.0, "shown as stopped")
             assert (await client.resume())["outcome"] == "taken"

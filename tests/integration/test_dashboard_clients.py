@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import random
-import socket
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -185,36 +184,6 @@ async def test_a_client_that_floods_is_disconnected_and_others_are_not(fleet: Pa
         await gets_states(other)
 
 
-async def test_a_client_that_stops_reading_costs_a_bounded_buffer(fleet: PageFleet) -> None:
-    """It is not read from at all: what the system and the server have for it fills up, and that is all."""
-    request = (
-        f"GET /ws HTTP/1.1\r\nHost: {fleet.address.text}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-    )
-    asleep = socket.socket()
-    asleep.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    asleep.setblocking(False)
-    try:
-        async with fleet.client() as other:
-            loop = asyncio.get_running_loop()
-            await loop.sock_connect(asleep, tuple(fleet.address))
-            await loop.sock_sendall(asleep, request.encode())
-            await other.until(lambda: other.state.get("page") == {"clients": 2}, 5.0, "two clients")
-            sleeper = max(fleet.dashboard.clients, key=lambda one: one.number)
-            for _ in range(50):  # more than all that it could be sent in a minute
-                for _ in range(100):
-                    sleeper.picture("north", b"\x00" * 100_000)
-                    sleeper.reply(id=1, order="stop", outcome="taken", reason="")
-                    sleeper.tick()
-                assert sleeper.waiting <= 100_000 + 64 * 200
-                await asyncio.sleep(0.0)
-            await gets_states(other, 20)
-            assert 100_000 < sleeper.waiting <= 100_000 + 64 * 200, "it is still asleep"
-            assert len(fleet.dashboard.clients) == 2
-    finally:
-        asleep.close()
-
-
 async def test_a_client_that_is_cut_off_drives_nobody(fleet: PageFleet, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its connection is noticed to be gone, long before what it said last would be over."""
     monkeypatch.setattr(hands, "LASTS", seconds(20.0))
@@ -268,18 +237,17 @@ async def test_viewers_leave_places_for_operators(fleet: PageFleet, monkeypatch:
         assert [operator.closed is None for operator in operators] == [True, True, False]
 
 
-async def test_a_connection_without_a_request_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And one of a page that sends nothing is not."""
-    monkeypatch.setattr(server, "_REQUEST_TIMEOUT", 0.5)
-    async with page_fleet(parse_scenario(TABLE, "lab.toml", name="lab")) as fleet, fleet.client() as client:
-        await gets_states(client)
-        for said in (b"", b"GET /ws HTTP/1.1\r\n"):
-            reader, writer = await asyncio.open_connection(*fleet.address)
-            writer.write(said)
-            async with asyncio.timeout(seconds(10.0)):
-                assert await reader.read() == b""
-            writer.close()
-        await gets_states(client)
+async def test_viewers_may_send_less(fleet: PageFleet) -> None:
+    """Each of their stops is on the bus."""
+    async with fleet.client(TOKENS.viewer) as viewer, fleet.client() as operator:
+        for client in (viewer, operator):
+            with contextlib.suppress(ConnectionClosed):
+                for _ in range(100):
+                    await client.send("picture", camera="north", on=False)
+        await viewer.until(lambda: viewer.closed, 5.0, "closed")
+        assert viewer.closed is not None
+        assert viewer.closed == (4008, "more than 10 messages a second")
+        await gets_states(operator)
 
 
 async def test_many_clients_get_the_same(fleet: PageFleet) -> None:

@@ -112,7 +112,7 @@ async def test_what_an_operator_breaks_happens_and_is_kept() -> None:
         client, reading = await page.open()
         await client.until(lambda: client.hello.get("simulated"), 10.0, "a simulated fleet")
         assert client.hello["faults"]["carry"]["targets"] == ["r1", "r2"]
-        await client.until(lambda: client.details("r2").get("seen") == "tracking", 15.0, "r2 is seen")
+        await client.until(lambda: client.details("r2").get("state") == "holding", 15.0, "r2 is seen")
         x = client.state["robots"]["r2"][0]
         away = {"x": 0.4 if x < 0.0 else -0.4}
         reply = await client.order("break", kind="carry", target="r2", duration=0.5, numbers=away)

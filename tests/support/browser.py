@@ -97,6 +97,10 @@ class Visit:
             "console", lambda message: message.type in ("error", "warning") and self.complaints.append(message.text)
         )
 
+    def forgive_no_connection(self) -> None:
+        """Forget that the browser complained of connections that could not be made; nothing else."""
+        self.complaints = [text for text in self.complaints if "net::ERR_" not in text]
+
     async def muro(self, expression: str) -> Any:
         """A value of the page's hook for tests, such as ``sent``."""
         return await self.page.evaluate(f"window.muro.{expression}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -18,16 +18,17 @@ Row = dict[str, Any]
 
 NAMES = ("r1", "r2")
 
-_ROBOT = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "tag": 1, "margin": 0.05}
 _HAND = {"speed": {"type": "number", "default": 0.2}, "turning": {"type": "number", "default": 1.0}}
+_BEHAVIOURS: Row = {
+    "circle": {"summary": "", "needs": ["circle", "velocity"], "parameters": {"speed": _HAND["speed"]}},
+    "manual": {"summary": "", "needs": ["drive"], "parameters": _HAND},
+}
 
-_DETAILS: Row = {
+DETAILS: Row = {
     "state": "driving",
     "reason": "",
     "note": "",
     "complaints": [],
-    "seen": "tracking",
-    "alive": True,
     "pose_age": 0.05,
     "latency": 0.002,
     "cal": [1.0, 1.0],
@@ -40,11 +41,29 @@ _DETAILS: Row = {
 }
 
 
+def hello(names: Sequence[str], **more: Any) -> Row:
+    """What a page gets first, of robots that are all alike."""
+    robot = {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "margin": 0.05}
+    return {
+        "kind": "hello",
+        "realm": "muro",
+        "scenario": "played",
+        "arena": (-2.1, -1.5, 2.1, 1.5),
+        "robots": dict.fromkeys(names, robot),
+        "cameras": {},
+        "behaviours": _BEHAVIOURS,
+        "may_steer": True,
+        "simulated": False,
+        "faults": {},
+        **more,
+    }
+
+
 def receipt(*names: str, status: str = "stopped") -> Row:
     """The receipt of a stop that all of these robots answer alike."""
     row = {"status": status, "latched_after_s": 0.01, "at_rest_after_s": 0.2, "travelled_m": 0.0, "silent_s": None}
     confirmed = status == "stopped"
-    return {"confirmed": confirmed, "robots": dict.fromkeys(names, row), "lines": []}
+    return {"confirmed": confirmed, "robots": dict.fromkeys(names, row)}
 
 
 class PlayedBase:
@@ -54,6 +73,8 @@ class PlayedBase:
         orders: what the page ordered, the newest last.
         answers: what is answered to each kind of order; None for nothing. Those that are missing are taken.
         stop: the stop that is shown.
+        places: where each robot is [m].
+        admits: whether who connects is let in.
         sends: whether states are sent.
         connections: how often the page has connected.
         t: of the newest state [s].
@@ -63,6 +84,8 @@ class PlayedBase:
         self.orders: list[Row] = []
         self.answers: dict[str, Callable[[Row], Row | None]] = {}
         self.stop: Row = {"all": False, "names": [], "revision": 1}
+        self.places = {name: (0.5 * turn, 0.0) for turn, name in enumerate(NAMES)}
+        self.admits = True
         self.sends = True
         self.connections = 0
         self.t = 0.0
@@ -97,26 +120,24 @@ class PlayedBase:
 
     def connected(self, socket: WebSocketRoute) -> None:
         """A page connects."""
-        self._socket = socket
         self.connections += 1
-        socket.on_message(self._take)
-        kinds = {"manual": {"summary": "", "needs": ["hand"], "parameters": _HAND}}
-        hello = {
-            "kind": "hello",
-            "version": "0",
-            "realm": "muro",
-            "scenario": "played",
-            "arena": (-2.1, -1.5, 2.1, 1.5),
-        }
-        hello |= {"robots": dict.fromkeys(NAMES, _ROBOT), "cameras": {}, "behaviours": kinds}
-        self.send({**hello, "may_steer": True, "simulated": False, "faults": {}})
-        self.state(details=dict.fromkeys(NAMES, _DETAILS))
         self._changed.set()
+        if not self.admits:
+            self._closing = asyncio.ensure_future(socket.close(code=4401))
+            return
+        self._socket = socket
+        socket.on_message(self._take)
+        self.send(hello(NAMES))
+        self.state(details=dict.fromkeys(NAMES, DETAILS))
+
+    def tell(self, name: str, **details: Any) -> None:
+        """Send a state in which these details of a robot have changed."""
+        self.state(details={name: {**DETAILS, **details}})
 
     def state(self, **parts: Any) -> None:
         """Send a state."""
         self.t, self._seq = time.time(), self._seq + 1
-        robots = {name: [0.5 * turn, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0] for turn, name in enumerate(NAMES)}
+        robots = {name: [*place, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0] for name, place in self.places.items()}
         self.send({"kind": "state", "t": self.t, "seq": self._seq, "robots": robots, "stop": self.stop, **parts})
 
     async def run(self) -> None:
@@ -136,18 +157,26 @@ class PlayedBase:
             self.send({"kind": "reply", "id": order["id"], "order": order["order"], **answer})
 
 
-@asynccontextmanager
-async def played(browser: Browser, **options: Any) -> AsyncIterator[tuple[Visit, PlayedBase]]:
-    """A page, and the base station that the test plays for it."""
+There = tuple[Visit, PlayedBase]
+
+
+async def serve(opened: Visit, base: PlayedBase) -> None:
+    """Go to the page, as a base station serves it that the test plays."""
 
     async def file(route: Route) -> None:
         await route.fulfill(path=STATIC / (route.request.url.partition("muro.test/")[2] or "index.html"))
 
+    await opened.page.route("http://muro.test/**", file)
+    await opened.page.route_web_socket("**/ws", base.connected)
+    await opened.page.goto("http://muro.test/")
+
+
+@asynccontextmanager
+async def played(browser: Browser, **options: Any) -> AsyncIterator[There]:
+    """A page, and the base station that the test plays for it."""
     base = PlayedBase()
     async with visit(browser, "about:blank", **options) as opened:
-        await opened.page.route("http://muro.test/**", file)
-        await opened.page.route_web_socket("**/ws", base.connected)
-        await opened.page.goto("http://muro.test/")
+        await serve(opened, base)
         sending = asyncio.create_task(base.run(), name="states")
         try:
             await opened.sees(NAMES)

@@ -196,12 +196,12 @@ async def test_a_writer_that_takes_another_ones_place_is_judged_by_its_clock_unt
     box.file("r1", 0.1, stamp=box.clock.now() - 8.0, epoch=3)
     assert box.inbox.get("r1").delay == pytest.approx(0.0, abs=1e-3)
     delays = []
-    for _ in range(80):  # restarted, on a path that takes 0.9 s now, and never measured
+    for _ in range(120):  # restarted, on a path that takes 0.9 s now, and never measured
         box.clock.advance(0.05)
         box.file("r1", 0.1, stamp=box.clock.now() - 8.9, epoch=4)
         delays.append(box.inbox.get("r1").delay)
-    assert delays[:59] == pytest.approx([0.9] * 59, abs=2e-3)
-    assert delays[-1] == 0.0  # after 3 s its clock may be another one
+    assert delays[:99] == pytest.approx([0.9] * 99, abs=2e-3)
+    assert delays[-1] == 0.0  # after 5 s its clock may be another one
     box.clocks.note(4, 8.0, box.clock.now())
     box.file("r1", 0.1, stamp=box.clock.now() - 8.9, epoch=4)
     received = box.inbox.get("r1")

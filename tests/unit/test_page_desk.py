@@ -16,9 +16,9 @@ from basestation.dashboard.watching import FleetWatch
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.errors import TransportError
-from muro_zenoh.messages import Behaviour
+from muro_zenoh.messages import Behaviour, DriveWish, Lease, LeaseState
 from muro_zenoh.orders.stop import StopResult, stop_robots
-from muro_zenoh.transport import Bus
+from muro_zenoh.transport import Bus, Every
 from tests.unit.test_stop_orders import LAB, Agent, Lab, virtual
 
 
@@ -156,10 +156,26 @@ async def test_a_stop_of_nobody_is_not_taken(there: Lab) -> None:
     """Without a base station nobody keeps it for a robot of this name."""
     await there.agents("r1")
     page = Page(there)
-    page.order("stop", 1, names=["r7"])
+    page.order("stop", 1, names=["r3"])
     await asyncio.sleep(5.0)
     assert page.client.replies[1]["outcome"] == "unanswered"
-    assert page.client.replies[1]["receipt"]["robots"]["r7"]["status"] == "unknown"
+    assert page.client.replies[1]["receipt"]["robots"]["r3"]["status"] == "unknown"
+
+
+@virtual
+async def test_robots_that_the_fleet_file_does_not_have_are_stopped_and_not_waited_for(there: Lab) -> None:
+    """The base station neither keeps nor saves names that anybody may make up."""
+    agents, page = await there.agents("r1", "r7"), Page(there)
+    store = await there.base_station()
+    page.order("stop", 1, names=["r1", *(f"x{number}" for number in range(900))])
+    page.order("stop", 2, names=["x1"])
+    page.order("stop", 3, names=["r7"])
+    await asyncio.sleep(0.001)
+    assert stopped(agents) == {"r1", "r7"}
+    assert [page.client.replies[number]["outcome"] for number in (2, 3)] == ["refused", "refused"]
+    await asyncio.sleep(1.0)
+    assert page.client.robots(1) == {"r1"}
+    assert set(store.stop.names) == {"r1", "r7"}, "r7 says itself that it is stopped"
 
 
 @virtual
@@ -203,6 +219,99 @@ async def test_what_fails_is_answered(there: Lab) -> None:
     assert 2 in page.client.replies
 
 
+def hold_all_places(page: Page) -> list[Client]:
+    """As many viewers as are confirmed at once stop r2, which is deaf."""
+    viewers = [Client(number, Right.VIEW) for number in range(2, 2 + stops._MOST_AT_ONCE)]
+    for viewer in viewers:
+        page.order("stop", 1, viewer, names=["r2"])
+    return viewers
+
+
+@virtual
+async def test_a_resume_is_not_undone_by_a_stop_before_it_that_waits_for_its_turn(there: Lab) -> None:
+    agents, page, ninth = await there.agents("r1", "r2", deaf="r2"), Page(there), Client(99, Right.VIEW)
+    store = await there.base_station()
+    hold_all_places(page)
+    page.order("stop", 1, ninth)
+    await asyncio.sleep(2.0)
+    assert stopped(agents) == {"r1"}
+    page.order("resume", 2, revision=store.stop.revision)
+    await asyncio.sleep(10.0)
+    assert page.client.replies[2]["outcome"] == "taken"
+    assert (ninth.replies[1]["outcome"], ninth.replies[1]["reason"][:7]) == ("unanswered", "resumed")
+    assert stopped(agents) == set()
+    assert not store.stop.all
+
+
+@virtual
+async def test_a_stop_just_before_a_resume_is_sent_anew_at_its_turn(there: Lab) -> None:
+    """The base station may not have known of it; whatever it is, it is not lost."""
+    agents, page, ninth = await there.agents("r1", "r2", deaf="r2"), Page(there), Client(99, Right.VIEW)
+    store = await there.base_station()
+    hold_all_places(page)
+    await asyncio.sleep(2.0)
+    seen = store.stop.revision
+    agents["r1"].deaf = True  # the stop does not arrive
+    page.order("stop", 1, ninth, names=["r1"])
+    page.order("resume", 2, revision=seen)
+    await asyncio.sleep(0.5)
+    agents["r1"].deaf = False
+    assert page.client.replies[2]["outcome"] == "taken"
+    assert stopped(agents) == set()
+    await asyncio.sleep(3.0)
+    assert stopped(agents) == {"r1"}
+
+
+@virtual
+async def test_a_refused_resume_ends_nobodys_receipt(there: Lab) -> None:
+    agents, page, ninth = await there.agents("r1", "r2", deaf="r2"), Page(there), Client(99, Right.VIEW)
+    store = await there.base_station()
+    hold_all_places(page)
+    page.order("stop", 1, ninth, names=["r1"])
+    await asyncio.sleep(2.0)
+    page.order("resume", 2, revision=store.stop.revision - 1)
+    await asyncio.sleep(6.0)
+    assert page.client.replies[2]["outcome"] == "refused"
+    assert ninth.replies[1]["receipt"]["confirmed"]
+    assert stopped(agents) == {"r1"}
+
+
+@virtual
+async def test_what_a_client_that_is_gone_has_stopped_is_sent_and_its_receipts_wait_no_longer(there: Lab) -> None:
+    agents, page = await there.agents("r1", "r2", deaf="r2"), Page(there)
+    await there.base_station()
+    hold_all_places(page)
+    with pytest.MonkeyPatch.context() as patch:
+        counted = Counted(patch)
+        for number in range(100, 400):
+            gone = Client(number, Right.VIEW)
+            page.order("stop", 1, gone)
+            page.order("stop", 2, gone, names=["r1"])
+            page.desk.leave(gone)  # type: ignore[arg-type]
+            await asyncio.sleep(0.001)
+            assert stopped(agents) == {"r1"}
+        assert len(page.desk._stops._under_way) <= stops._MOST_AT_ONCE
+        await asyncio.sleep(10.0)
+    assert counted.all <= stops._MOST_AT_ONCE
+
+
+@virtual
+async def test_a_stop_that_could_not_be_sent_outlives_its_client(there: Lab) -> None:
+    agents, page, gone = await there.agents("r1", "r2", deaf="r2"), Page(there), Client(99, Right.VIEW)
+    hold_all_places(page)
+    with pytest.MonkeyPatch.context() as patch:
+
+        def unsent(*_: object) -> None:
+            raise TransportError("no router")
+
+        patch.setattr(stops, "send_stop", unsent)
+        page.order("stop", 1, gone, names=["r1"])
+    page.desk.leave(gone)  # type: ignore[arg-type]
+    assert stopped(agents) == set()
+    await asyncio.sleep(5.0)
+    assert stopped(agents) == {"r1"}
+
+
 @virtual
 async def test_viewers_that_flood_cost_a_few_confirmations_and_an_operator_none_of_his(there: Lab) -> None:
     agents, page = await there.agents(*OPERATORS), Page(there)
@@ -212,12 +321,13 @@ async def test_viewers_that_flood_cost_a_few_confirmations_and_an_operator_none_
         counted = Counted(patch)
         for turn in range(100):
             for viewer in viewers:
-                page.order("stop", turn, viewer, names=[f"x{turn}"] if turn % 2 else [])
+                page.order("stop", turn, viewer, names=[f"r{1 + turn % 3}"] if turn % 4 else [])
             if turn == 50:
                 page.order("stop", turn, names=OPERATORS)
             await asyncio.sleep(0.01)
         assert stopped(agents) == set(OPERATORS)
         await asyncio.sleep(1.0)
+        assert len(page.desk._stops._under_way) <= stops._MOST_OF_ALL + 1
     assert counted.most == {True: stops._MOST_AT_ONCE, False: 1}
     assert page.client.replies[50]["receipt"]["confirmed"]
     refused = [reply for viewer in viewers for reply in viewer.replies.values() if "still awaited" in reply["reason"]]
@@ -228,14 +338,69 @@ async def test_viewers_that_flood_cost_a_few_confirmations_and_an_operator_none_
 # ---- driving by hand
 
 
-@virtual
-async def test_a_wish_by_what_was_seen_long_ago_drives_nobody(there: Lab) -> None:
-    """On a slow connection it has waited behind others; the hand may be off by now. A zero is always taken."""
-    page = Page(there)
+async def by_hand(there: Lab) -> tuple[Bus, Every[DriveWish]]:
+    """A base station that has r1 driven by hand, and the wishes that are sent."""
     base = await there.join(Role.BASESTATION)
     base.publisher(channels.BEHAVIOUR, "r1").put(Behaviour(behaviour="manual", revision=1))
     wishes = there.observer.every(channels.DRIVE, "r1")
     await asyncio.sleep(0.01)
+    return base, wishes
+
+
+@virtual
+async def test_a_hand_of_which_nothing_is_heard_any_more_is_off(there: Lab) -> None:
+    """The client is still connected, as far as anybody knows."""
+    page = Page(there)
+    _, wishes = await by_hand(there)
+    page.order("drive", 1, name="r1", v=0.2, omega=0.1, t=there.clock.now())
+    await asyncio.sleep(0.19)
+    assert {received.message.v for received in wishes.drain()} == {0.2}
+    await asyncio.sleep(0.02)
+    assert [(received.message.v, received.message.omega) for received in wishes.drain()] == [(0.0, 0.0)]
+    await asyncio.sleep(5.0)
+    assert wishes.drain() == []
+
+
+@virtual
+async def test_a_robot_that_somebody_else_holds_is_not_driven(there: Lab) -> None:
+    page = Page(there)
+    base, wishes = await by_hand(there)
+    leases = base.publisher(channels.LEASE)
+
+    def drive(number: int, v: float = 0.2) -> None:
+        page.order("drive", number, name="r1", v=v, omega=0.0, t=there.clock.now())
+
+    def held(operator: str, *names: str) -> None:
+        lease = Lease(program="his own", operator=operator, epoch=7, names=names, since=1.7e9, left=3.0)
+        leases.put(LeaseState(leases=(lease,)))
+
+    drive(1)
+    held("bob@laptop")
+    await asyncio.sleep(0.05)
+    drive(2)
+    assert page.client.replies[2]["outcome"] == "refused"
+    assert page.client.replies[2]["reason"].startswith("held by his own of bob@laptop")
+    drive(3, v=0.0)
+    await asyncio.sleep(0.001)
+    assert wishes.drain()[-1].message.v == 0.0
+    for number, (operator, names, lasts) in enumerate(
+        [(there.operator.operator, (), 0.0), ("bob@laptop", ("r2",), 0.0), ("bob@laptop", (), 3.1)], 10
+    ):
+        held(operator, *names)
+        await asyncio.sleep(0.3 + lasts)
+        wishes.drain()
+        drive(number)
+        await asyncio.sleep(0.05)
+        assert {received.message.v for received in wishes.drain()} == {0.2}
+        drive(number, v=0.0)
+    assert not {10, 11, 12} & page.client.replies.keys()
+
+
+@virtual
+async def test_a_wish_by_what_was_seen_long_ago_drives_nobody(there: Lab) -> None:
+    """On a slow connection it has waited behind others; the hand may be off by now. A zero is always taken."""
+    page = Page(there)
+    _, wishes = await by_hand(there)
 
     def sent() -> list[float]:
         return [received.message.v for received in wishes.drain()]

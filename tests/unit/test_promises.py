@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,14 @@ def with_effect(record: Record, kind: str, start: float, end: float, robot: str 
     made = fault(kind, robot, start, end - start, **numbers)
     effect = Incident(made, start, end, {robot: Activity.DRIVING})
     return dataclasses.replace(record, effects=(*record.effects, effect))
+
+
+def moved_by_hand(record: Record, start: float, end: float, speed: float) -> Record:
+    """The record with r2 moved along x besides what its wheels do [m/s]."""
+    record = dataclasses.replace(record, pose=record.pose.copy())
+    held = (record.time > start) & (record.time <= end)
+    record.pose[:, 1, 0] += np.cumsum(np.where(held, speed * PERIOD, 0.0))
+    return record
 
 
 def test_a_fleet_that_stands_breaks_nothing() -> None:
@@ -129,6 +138,18 @@ class TestDrivenInto:
         record.pose[:, 1, 1] += np.cumsum(np.where(carried, 0.05 * PERIOD, 0.0))
         assert [contact.kind for contact in contacts(record)] == [ContactClass.DISTURBED]
 
+    @pytest.mark.parametrize(("seen_again", "kind"), [(2.7, "standing"), (6.0, "disturbed")])
+    def test_one_that_was_put_down_where_no_camera_sees_it(self, seen_again: float, kind: str) -> None:
+        record = with_effect(driving(still(), 0, 1.0, 5.0), "carry", 1.0, 2.5, x=0.1)
+        record.good_pose[(record.time > 1.0) & (record.time < seen_again), 1] = 1.0
+        assert [str(contact.kind) for contact in contacts(record)] == [kind]
+
+    @pytest.mark.parametrize(("first_seen", "kind"), [(0.5, "ours"), (3.0, "ours"), (4.0, "disturbed")])
+    def test_one_that_no_camera_has_seen_yet(self, first_seen: float, kind: str) -> None:
+        record = driving(still(), 0, 1.0, 5.0)  # they touch at 4.2 s
+        record.good_pose[record.time < first_seen, 1] = -math.inf
+        assert [str(contact.kind) for contact in contacts(record)] == [kind]
+
 
 class TestNamed:
     @staticmethod
@@ -168,10 +189,26 @@ class TestNamed:
     def test_a_carried_one_is_not_judged_while_no_picture_of_it_arrives(self) -> None:
         """A lie is: what a robot says needs no picture."""
         for kind, seen_until, evaluated in (("carry", 1.9, 0), ("carry", 2.1, 1), ("lie", 1.9, 1)):
-            numbers = {"x": 0.5}
-            record = with_effect(still(), kind, 2.0, 4.0, **numbers)
+            record = moved_by_hand(with_effect(still(), kind, 2.0, 4.0, x=0.7), 2.0, 4.0, 0.35)
             blind = aged(record.good_pose, record.time, 1, seen_until)
             assert judge(dataclasses.replace(record, good_pose=blind))["named"].evaluated == evaluated
+
+    @pytest.mark.parametrize(("speed", "evaluated"), [(0.5, 1), (0.3, 0), (0.2, 0), (-0.2, 1)])
+    def test_a_carried_one_has_to_leave_its_own_way(self, speed: float, evaluated: int) -> None:
+        """It drives at 0.2 m/s itself; carried on at 0.5 m/s it is 0.12 m off after 0.4 s."""
+        record = with_effect(driving(still(), 1, 1.0, 9.0), "carry", 2.0, 4.0, x=0.7)
+        carried = moved_by_hand(record, 2.0, 4.0, speed - 0.2)
+        judged = judge(carried)["named"]
+        assert judged.evaluated == evaluated
+        assert [breach.time for breach in judged.breaches] == pytest.approx([3.0] * evaluated, abs=0.06)
+
+    @pytest.mark.parametrize(("set_at", "evaluated"), [(0.5, 0), (-3.0, 1)])
+    def test_not_judged_until_clocks_are_compared_again(self, set_at: float, evaluated: int) -> None:
+        step = fault("clock_step", "basestation", 0.0, 0.4, step=-2.0)
+        effect = Incident(step, set_at, set_at + 0.4, {"r1": Activity.DRIVING})
+        record = self.lied()
+        judged = judge(dataclasses.replace(record, effects=(*record.effects, effect)))["named"]
+        assert judged.evaluated == evaluated
 
     def test_not_judged_while_the_base_station_is_down(self) -> None:
         effect = Incident(fault("crash", "basestation", 2.5, 2.0), 2.5, 4.5, {"r1": Activity.DRIVING})

@@ -229,3 +229,21 @@ def test_another_base_stations_snapshot_of_the_same_stamp_is_another_one() -> No
         known.learn(0.05 * k, Snapshot(rows, 7.0, epoch, 0.0))
     assert [received.epoch for received in known._received] == [1, 2]
     assert known.near(0.1, 0.0, 0.0, 9.0)[0].x == pytest.approx(3.0)
+
+
+def test_a_robot_that_only_the_base_station_before_has_seen_is_still_there() -> None:
+    known = Knowledge("r0", BODY, {"r1": BODY, "r2": BODY}, SETTINGS)
+    me, other, third = (Neighbour(f"r{k}", 0.8 * k, 0.0, 0.0, 0.4 * k, 0.0, 0.0) for k in range(3))
+
+    def learn(sent: float, epoch: int, *rows: Neighbour) -> list[tuple[str, float]]:
+        known.learn(sent, Snapshot(rows, sent, epoch, 0.0))
+        return [(obstacle.name, obstacle.x) for obstacle in known.obstacles]
+
+    assert learn(0.0, 1, me, other, third) == []
+    assert learn(0.5, 2) == [("r1", 0.8), ("r2", 1.6)]
+    assert known.obstacles[0].dx == pytest.approx(0.4 * SETTINGS.hold + stopping_distance(0.4, BODY)), "it drove"
+    assert learn(1.0, 2, me, third) == [("r1", 0.8)]
+    assert [near.name for near in known.near(1.0, 0.0, 0.0, 9.0)] == ["r1", "r2"]
+    assert learn(1.5, 3, me) == [("r1", 0.8), ("r2", 1.6)]
+    assert learn(2.0, 3, me, other, third) == []
+    assert learn(2.5, 3, me, third) == [], "an operator has cleared it"

@@ -23,7 +23,7 @@ export class BehaviourPanel {
     this.fleet = fleet;
     this.orders = orders;
     const fields = element("div", { className: "fields" });
-    this.#form = new ParameterForm(fields, () => this.#isRunning() && this.#give());
+    this.#form = new ParameterForm(fields, () => this.#isLive() && this.#give());
     this.#who.onchange = () => this.#showRunning();
     this.#what.onchange = () => this.#show();
     this.form = element(
@@ -42,7 +42,7 @@ export class BehaviourPanel {
     );
     this.form.onsubmit = (event) => {
       event.preventDefault();
-      this.#give();
+      if (!this.#start.hidden) this.#give(); // Enter in a field has entered it already
     };
     panel.prepend(this.form);
   }
@@ -68,21 +68,24 @@ export class BehaviourPanel {
     if (this.#isRunning() && this.#values() !== this.#shownValues && !this.form.contains(document.activeElement)) {
       this.#show(); // somebody else has changed them
     }
-    const running = this.#isRunning();
-    const shown = this.#what.value;
-    const parameters = Object.keys(hello.behaviours[shown]?.parameters ?? {}).length > 0;
-    say(
-      this.#state,
-      !maySteer
-        ? "You may watch, and stop."
-        : running && parameters
-          ? "Running: changes apply at once."
-          : running
-            ? "Running."
-            : "",
-    );
-    say(this.#start, running ? "Start anew" : `Start ${shown}`);
-    this.#start.className = running ? "quiet" : "main";
+    say(this.#state, maySteer ? this.#stateInWords() : "You may watch, and stop.");
+    say(this.#start, this.#offer());
+    this.#start.hidden = !this.#start.textContent;
+    this.#start.className = this.#isRunning() ? "quiet" : "main";
+  }
+
+  #stateInWords() {
+    if (!this.#isRunning()) return "";
+    if (!this.#isLive()) return `Running with different parameters; here are those of ${this.#like()?.name}.`;
+    const parameters = this.fleet.hello?.behaviours[this.#what.value]?.parameters ?? {};
+    return Object.keys(parameters).length ? "Running: changes apply at once." : "Running.";
+  }
+
+  /** What the button does; nothing where the robots would pass it over, for they do what they do already. */
+  #offer() {
+    if (!this.#isRunning()) return `Start ${this.#what.value}`;
+    if (!this.#isLive()) return "Give to all";
+    return this.#robots().some(({ condition }) => condition === "failed") ? "Start anew" : "";
   }
 
   /** A robot that has the behaviour that is shown. */
@@ -92,7 +95,7 @@ export class BehaviourPanel {
 
   /** The parameters that are in force, in a text that changes with them. */
   #values() {
-    return JSON.stringify(this.#like()?.details.parameters ?? {});
+    return inText(this.#like());
   }
 
   #shownValues = "";
@@ -137,6 +140,11 @@ export class BehaviourPanel {
     return this.#running() === this.#what.value;
   }
 
+  /** Whether a change applies at once: not where it would level what the robots have of their own. */
+  #isLive() {
+    return this.#isRunning() && new Set(this.#robots().map(inText)).size === 1;
+  }
+
   #give() {
     const parameters = this.#form.values();
     if (parameters === null) return void this.form.reportValidity();
@@ -144,4 +152,9 @@ export class BehaviourPanel {
     const order = { order: "behaviour", behaviour, parameters, names: name ? [name] : [] };
     void this.orders.give(`${name || "All robots"}: ${behaviour}`, order);
   }
+}
+
+/** A robot's parameters, in a text that changes with them. @param {import("./fleet.js").Robot | undefined} robot */
+function inText(robot) {
+  return JSON.stringify(Object.entries(robot?.details.parameters ?? {}).sort());
 }

@@ -6,6 +6,8 @@ import { element, say } from "./dom.js";
 
 export class CirclePanel {
   #shown = "";
+  /** Whether something else has been entered, and not ordered yet. */
+  #entered = false;
   #x = number("x");
   #y = number("y");
   #radius = number("radius");
@@ -43,8 +45,10 @@ export class CirclePanel {
         element("button", { type: "submit", textContent: "Set" }),
       ),
     );
+    form.oninput = () => (this.#entered = true);
     form.onsubmit = (event) => {
       event.preventDefault();
+      this.#entered = false;
       this.give({
         x: Number(this.#x.value),
         y: Number(this.#y.value),
@@ -62,23 +66,26 @@ export class CirclePanel {
     const { circle, maySteer } = this.arena.fleet;
     for (const field of this.form.querySelectorAll("input, button")) Reflect.set(field, "disabled", !maySteer);
     const shown = JSON.stringify(circle);
-    if (circle === null || shown === this.#shown || this.form.contains(document.activeElement)) return;
-    this.#shown = shown;
+    const entering = this.#entered && this.form.contains(document.activeElement);
+    if (circle === null || shown === this.#shown || entering) return;
+    [this.#shown, this.#entered] = [shown, false];
     this.#x.value = String(round(circle.x));
     this.#y.value = String(round(circle.y));
     this.#radius.value = String(round(circle.radius));
     this.#clockwise.checked = circle.clockwise;
   }
 
-  /** @param {Circle} circle */
+  /** @param {Pick<Circle, "x" | "y" | "radius" | "clockwise">} circle */
   give({ x, y, radius, clockwise }) {
     const words = `Circle of ${round(radius)} m at (${round(x)}, ${round(y)})`;
     const order = { order: "circle", x: round(x), y: round(y), radius: round(radius), clockwise };
     void this.orders.give(words, order).then((reply) => {
       const { arena } = this;
-      // Refused: the handles go back to the circle that is in force.
-      if (reply.outcome !== "taken" && arena.circle !== null)
-        arena.circle = arena.fleet.circle && { ...arena.fleet.circle };
+      if (reply.outcome !== "taken") {
+        // The form and the handles go back to the circle that is in force.
+        this.#shown = "";
+        if (arena.circle !== null) arena.circle = arena.fleet.circle && { ...arena.fleet.circle };
+      }
       arena.redraw();
     });
   }

@@ -12,7 +12,7 @@ const ANSWER_TIMEOUT = 10000;
 /** Twenty states a second come; after this long without one the link is dead, whatever the browser thinks [ms]. */
 const SILENCE = 4000;
 
-/** An attempt to connect that has not succeeded by then is given up [ms]; a browser would wait for minutes. */
+/** An attempt to connect that has not led to a `hello` by then is given up [ms]; a browser would wait for minutes. */
 const CONNECT_TIMEOUT = 3000;
 
 /** Waits between attempts to connect [ms]. */
@@ -22,7 +22,7 @@ const RETRIES = [250, 500, 1000, 2000];
 const REFUSED = 4401;
 
 export class Connection {
-  /** Whether it is open. */
+  /** Whether it is open, and the base station has let us in: it says `hello` then. */
   open = false;
   /** How many messages have been sent since the page was loaded. */
   sent = 0;
@@ -110,16 +110,11 @@ export class Connection {
   #connect() {
     const socket = new WebSocket(this.#address, this.#protocols);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => {
-      this.open = true;
-      this.#attempt = 0;
-      this.heard = performance.now();
-      this.#changed(true);
-    };
     socket.onmessage = ({ data }) => {
       this.heard = performance.now();
       if (messagePack === null) return;
       const message = /** @type {Message} */ (messagePack.decode(new Uint8Array(data)));
+      if (message.kind === "hello" && !this.open) this.#admitted();
       const waiting = message.kind === "reply" ? this.#waiting.get(message.id) : undefined;
       if (message.kind === "reply" && waiting !== undefined) waiting(message);
       else this.#received(message);
@@ -134,11 +129,18 @@ export class Connection {
     }, CONNECT_TIMEOUT);
   }
 
+  #admitted() {
+    this.open = true;
+    this.refusal = "";
+    this.#attempt = 0;
+    this.#changed(true);
+  }
+
   #lost() {
     const socket = this.#socket;
     if (socket === null) return;
     this.#socket = null;
-    socket.onopen = socket.onmessage = socket.onclose = null;
+    socket.onmessage = socket.onclose = null;
     socket.close();
     const wasOpen = this.open;
     this.open = false;

@@ -6,8 +6,8 @@
  * where the browser may not say that a key was lifted, and when the robot is not seen as it is now.
  */
 
-/** The behaviour that obeys a hand. */
-export const MANUAL = "manual";
+/** What a behaviour needs that obeys a hand. */
+export const HAND = "drive";
 
 /** [ms] */
 const PERIOD = 100;
@@ -100,6 +100,8 @@ export class Driving {
 
   /** @param {KeyboardEvent} event */
   #down(event) {
+    // A key that drives repeats while it is held; a field that got the focus meanwhile would take that for an entry.
+    if (this.#held.has(event.code)) return event.preventDefault();
     if (!(event.code in KEYS) || !this.name || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target instanceof HTMLElement && event.target.closest("input, select, textarea, [role=tablist]")) return;
     event.preventDefault();
@@ -138,9 +140,9 @@ export class Driving {
 
   /** What the behaviour that obeys a hand allows the robot [m/s, rad/s]. @returns {[number, number]} */
   #limits() {
-    const robot = this.fleet.robots.get(this.name);
-    const table = this.fleet.hello?.behaviours[MANUAL]?.parameters ?? {};
-    const { speed, turning } = robot?.details.parameters ?? {};
+    const { behaviour = null, parameters = {} } = this.fleet.robots.get(this.name)?.details ?? {};
+    const table = this.fleet.hello?.behaviours[behaviour ?? ""]?.parameters ?? {};
+    const { speed, turning } = parameters;
     return [speed ?? table.speed?.default ?? 0, turning ?? table.turning?.default ?? 0];
   }
 

@@ -13,12 +13,11 @@ const NOTHING = {
   state: "unseen",
   reason: "",
   note: "",
-  seen: null,
-  alive: false,
+  complaints: [],
   pose_age: null,
   latency: null,
-  cal: null,
-  wheels: null,
+  cal: [null, null],
+  wheels: "",
   behaviour: null,
   parameters: {},
   path: null,
@@ -129,6 +128,21 @@ export class Fleet {
   /** Whether this page may give orders. */
   get maySteer() {
     return this.hello?.may_steer ?? false;
+  }
+
+  /**
+   * Whether a behaviour needs an input.
+   *
+   * @param {string | null} behaviour
+   * @param {string} input  such as "goal".
+   */
+  needs(behaviour, input) {
+    return this.hello?.behaviours[behaviour ?? ""]?.needs.includes(input) ?? false;
+  }
+
+  /** The first behaviour that needs an input; empty for none. @param {string} input */
+  needing(input) {
+    return Object.keys(this.hello?.behaviours ?? {}).find((behaviour) => this.needs(behaviour, input)) ?? "";
   }
 
   /** Whether a robot has been stopped. @param {string} name */

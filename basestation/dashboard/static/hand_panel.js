@@ -14,6 +14,8 @@ export class HandPanel {
     this.#stick = new Stick(pad, knob, (forwards, left) => driving.steer(forwards, left));
     const pace = element("input", { type: "range", min: "0.1", max: "1", step: "0.1", value: String(driving.pace) });
     pace.oninput = () => (driving.pace = Number(pace.value));
+    // Moved with a pointer it gives the keys back, which drive; somebody who moves it with the keys goes on doing so.
+    pace.onpointerdown = () => window.addEventListener("pointerup", () => pace.blur(), { once: true });
     this.element = element(
       "div",
       { className: "hand" },

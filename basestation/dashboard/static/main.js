@@ -33,7 +33,7 @@ const at = (id) => byId(id, HTMLElement);
 function start() {
   if (messagePack === null || uPlot === null) {
     say(
-      at("veil"),
+      at("veil-words"),
       "The page's libraries are not installed: run `make setup`, then load it again. `muro stop` works without them.",
     );
     at("veil").hidden = false;
@@ -56,7 +56,10 @@ function start() {
   const palette = new Palette();
   const pictures = new Pictures(connection, () => arena.redraw());
   const arena = new Arena(byId("floor", HTMLCanvasElement), fleet, palette, pictures);
-  const link = new Link({ word: at("link"), veil: at("veil"), body: document.body }, connection);
+  const link = new Link(
+    { words: at("link-words"), age: at("link-age"), veil: at("veil"), why: at("veil-words"), more: at("veil-age") },
+    connection,
+  );
   const driving = new Driving(connection, fleet, {
     changed: () => card.showWish(),
     released: () => card.releaseStick(),
@@ -120,7 +123,7 @@ function start() {
     show();
   }
 
-  /** @param {string} name */
+  /** Choose a robot; the one that is chosen is chosen no longer. @param {string} name */
   function choose(name) {
     arena.selected = name === arena.selected ? "" : name;
     if (arena.selected !== driving.name) driving.take(""); // nobody drives what is not shown to be driven

@@ -1,4 +1,4 @@
-/** The colours of the canvas, which are those of style.css, light or dark. */
+/** The colours of the canvas, which are those of colours.css, light or dark. */
 
 /** @typedef {import("./protocol.js").Condition} Condition */
 

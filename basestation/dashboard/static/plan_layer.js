@@ -14,6 +14,9 @@ const known = new WeakMap();
 /** Arcs are drawn in steps of so many radians. */
 const ARC_STEP = 0.1;
 
+/** A goal that is no further from the end of a path is where the path leads to [m]. */
+const SAME_PLACE = 0.02;
+
 /**
  * @param {Context} context
  * @param {View} view
@@ -27,8 +30,23 @@ export function drawPlans(context, view, palette, robots, selected) {
     if (details.cell) drawCell(context, view, palette, details.cell, mine);
     if (condition === "holding" && !mine) continue; // it has arrived, or waits: its path is of the past
     if (details.path) drawPath(context, view, palette, details.path, mine);
-    if (details.goal) drawGoal(context, view, palette, details.goal, mine);
+    for (const goal of goalsOf(details)) drawGoal(context, view, palette, goal, mine);
   }
+}
+
+/**
+ * Where a robot is to go: the end of its path, whoever sent it there; and the goal that it was given from a page, which
+ * has a heading besides.
+ *
+ * @param {import("./protocol.js").Details} details
+ * @returns {[number, number, number | null][]}
+ */
+function goalsOf({ path, goal }) {
+  const end = path && pointsAlong(path).at(-1);
+  const leadsThere = end && goal && Math.hypot(goal[0] - end[0], goal[1] - end[1]) <= SAME_PLACE;
+  /** @type {[number, number, number | null][]} */
+  const goals = end && !leadsThere ? [[...end, null]] : [];
+  return goal ? [...goals, goal] : goals;
 }
 
 /**
@@ -69,9 +87,7 @@ function drawCell(context, view, palette, cell, selected) {
  */
 function drawPath(context, view, palette, path, selected) {
   context.beginPath();
-  let points = known.get(path);
-  if (points === undefined) known.set(path, (points = [...pointsOf(path)]));
-  for (const [x, y] of points) context.lineTo(view.px(x), view.py(y));
+  for (const [x, y] of pointsAlong(path)) context.lineTo(view.px(x), view.py(y));
   context.strokeStyle = palette.accent;
   context.globalAlpha = selected ? 0.95 : 0.55;
   context.lineWidth = selected ? 2 : 1.5;
@@ -81,13 +97,20 @@ function drawPath(context, view, palette, path, selected) {
   context.globalAlpha = 1;
 }
 
+/** The points of a path. @param {PlannedPath} path */
+function pointsAlong(path) {
+  let points = known.get(path);
+  if (points === undefined) known.set(path, (points = [...pointsOf(path)]));
+  return points;
+}
+
 /**
  * Points along a path, close enough for drawing.
  *
  * @param {PlannedPath} path
  * @returns {Generator<[number, number]>} [m, world]
  */
-export function* pointsOf(path) {
+function* pointsOf(path) {
   let { x, y, theta } = path;
   yield [x, y];
   for (const [length, curvature] of path.segments) {

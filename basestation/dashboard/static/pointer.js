@@ -6,7 +6,7 @@ import { handlesOf } from "./arena.js";
 
 /**
  * @typedef {object} Hands  What is done about it.
- * @property {(name: string) => void} choose  a robot; an empty name for none.
+ * @property {(name: string) => void} choose  a robot.
  * @property {() => boolean} maySetGoal  whether a click on the floor is a goal.
  * @property {(x: number, y: number, theta: number | null) => void} setGoal
  * @property {(circle: Circle) => void} moveCircle
@@ -26,7 +26,10 @@ export class ArenaPointer {
   /** @type {Act | null} */
   #act = null;
   #robot = "";
+  /** Where the first finger came down [px]. */
   #start = { x: 0, y: 0 };
+  /** The same on the floor [m, world]: the view may move meanwhile. @type {[number, number]} */
+  #place = [0, 0];
 
   /**
    * @param {import("./arena.js").Arena} arena
@@ -64,6 +67,7 @@ export class ArenaPointer {
       return;
     }
     this.#start = at;
+    this.#place = this.arena.view.toWorld(at.x, at.y);
     this.#act = event.button === 0 ? this.#actAt(at) : "pan";
     if (this.#act === "goal") this.#aim(at);
   }
@@ -107,7 +111,7 @@ export class ArenaPointer {
   #up(event) {
     if (!this.#fingers.has(event.pointerId)) return;
     const act = this.#act;
-    if (act === "robot") this.hands.choose(this.#robot === this.arena.selected ? "" : this.#robot);
+    if (act === "robot") this.hands.choose(this.#robot);
     if (act === "goal" && this.arena.goal !== null) this.hands.setGoal(...this.arena.goal);
     if ((act === "middle" || act === "rim") && this.arena.circle !== null) this.hands.moveCircle(this.arena.circle);
     this.#forget(event.pointerId);
@@ -125,7 +129,7 @@ export class ArenaPointer {
   #aim(at) {
     const { x, y } = this.#start;
     const heading = Math.hypot(at.x - x, at.y - y) > HEADING ? Math.atan2(y - at.y, at.x - x) : null;
-    this.arena.goal = [...this.arena.view.toWorld(x, y), heading];
+    this.arena.goal = [...this.#place, heading];
     this.arena.redraw();
   }
 

@@ -10,7 +10,6 @@
  * @property {number} radius  of its body [m].
  * @property {number} v_max  [m/s].
  * @property {number} omega_max  [rad/s].
- * @property {number | null} tag  id of its tag.
  * @property {number} margin  free floor that the separation filter keeps between two bodies [m].
  *
  * @typedef {object} Parameter  A parameter of a behaviour or a fault, with its limits.
@@ -27,7 +26,7 @@
  *
  * @typedef {object} BehaviourFacts
  * @property {string} summary  what it does, in one line.
- * @property {string[]} needs  its inputs; "goal" among them when it drives to goals.
+ * @property {string[]} needs  its inputs; "goal" among them when it drives to goals, "drive" when a hand drives it.
  * @property {Record<string, Parameter>} parameters
  *
  * @typedef {object} FaultFacts
@@ -37,7 +36,6 @@
  *
  * @typedef {object} Hello  Said first, and again when it changes.
  * @property {"hello"} kind
- * @property {string} version
  * @property {string} realm
  * @property {string} [scenario]
  * @property {Box} arena
@@ -65,13 +63,11 @@
  * @property {Condition} state
  * @property {string} reason  why it does not drive; empty for one that does.
  * @property {string} note  what the separation filter does.
- * @property {string[]} [complaints]  what else its agent complains of.
- * @property {"tracking" | "disagrees" | "stale" | "lost" | null} seen
- * @property {boolean} alive  whether its agent is.
+ * @property {string[]} complaints  what else its agent complains of.
  * @property {number | null} pose_age  median of the last second [s].
  * @property {number | null} latency  from pose to command, median of the last second [s].
- * @property {[number | null, number | null] | null} cal  cal0, calD.
- * @property {string | string[] | null} wheels  what its base complains of.
+ * @property {[number | null, number | null]} cal  cal0, calD.
+ * @property {string} wheels  what its base complains of; empty for nothing.
  * @property {string | null} behaviour
  * @property {Record<string, any>} parameters
  * @property {PlannedPath | null} path
@@ -83,6 +79,7 @@
  * @property {number} y
  * @property {number} radius
  * @property {boolean} clockwise
+ * @property {number} revision
  * @property {number[] | null} [importance]  at 64 angles, 2 pi k / 64; mean 1.
  *
  * @typedef {object} ProcessReport
@@ -118,9 +115,8 @@
  *
  * @typedef {object} Receipt  What a stop came to.
  * @property {boolean} confirmed
- * @property {Record<string, {status: string, at_rest_after_s: number | null, travelled_m: number | null,
- *   silent_s: number | null}>} robots
- * @property {string[]} lines
+ * @property {Record<string, {status: string, latched_after_s: number | null, at_rest_after_s: number | null,
+ *   travelled_m: number | null, silent_s: number | null}>} robots
  *
  * @typedef {object} Reply
  * @property {"reply"} kind

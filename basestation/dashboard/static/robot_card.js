@@ -1,7 +1,7 @@
 /** The robot that was chosen: what is known of it, and what can be done with it. */
 
 import { element, say } from "./dom.js";
-import { MANUAL } from "./driving.js";
+import { HAND } from "./driving.js";
 import { goalForm } from "./goal_form.js";
 import { HandPanel } from "./hand_panel.js";
 import { Receipt } from "./receipt.js";
@@ -9,8 +9,8 @@ import { figure, WORDS } from "./words.js";
 
 /** @typedef {import("./fleet.js").Robot} Robot */
 
-/** The behaviour that drives to a goal, for a robot that has one that does not. */
-const TO_GOALS = "dubins";
+/** What a behaviour needs that drives to goals. */
+const GOAL = "goal";
 
 export class RobotCard {
   #made = "";
@@ -48,7 +48,8 @@ export class RobotCard {
   update() {
     const { robot } = this;
     const driven = robot !== undefined && this.driving.name === robot.name;
-    if (driven && robot.details.behaviour !== MANUAL && this.#made.endsWith("driven")) this.driving.take("");
+    if (driven && !this.fleet.needs(robot.details.behaviour, HAND) && this.#made.endsWith("driven"))
+      this.driving.take("");
     const kind = this.#kind(robot);
     if (kind !== this.#made) {
       const another = kind.split(" ")[0] !== this.#made.split(" ")[0];
@@ -59,9 +60,8 @@ export class RobotCard {
     if (robot === undefined) return;
     const { details } = robot;
     if (this.#follow !== null) this.#follow.ariaPressed = String(this.arena.view.followed === robot.name);
-    const [cal0, calD] = details.cal ?? [null, null];
+    const [cal0, calD] = details.cal;
     const degrees = (robot.theta * 180) / Math.PI;
-    const wheels = Array.isArray(details.wheels) ? details.wheels.join(", ") : (details.wheels ?? "");
     this.#say("condition", WORDS[robot.condition] + (details.reason ? `: ${details.reason}` : ""));
     this.#say("behaviour", details.behaviour ?? "–");
     this.#say(
@@ -72,7 +72,7 @@ export class RobotCard {
     this.#say("command", `${figure(robot.command[0])} m/s, ${figure(robot.command[1])} rad/s`);
     this.#say("age", robot.age === null ? "–" : `${figure(robot.age * 1000, 0)} ms ago`);
     this.#say("calibration", `${figure(calD, 3)}, turning ${figure(cal0, 3)}`);
-    this.#say("note", [details.note, wheels].filter(Boolean).join("; ") || "–");
+    this.#say("note", [details.note, details.wheels, ...details.complaints].filter(Boolean).join("; ") || "–");
   }
 
   /** Whoever has a finger on the stick must come anew. */
@@ -99,9 +99,10 @@ export class RobotCard {
     const heading = theta === null ? "" : `, heading ${figure((theta * 180) / Math.PI, 0)}°`;
     const words = `${name} to (${figure(x)}, ${figure(y)})${heading}`;
     const order = { order: "goal", name, x, y, theta };
-    if (this.#drivesToGoals(robot)) return void this.orders.give(words, order);
+    const other = this.fleet.needs(robot.details.behaviour, GOAL) ? "" : this.fleet.needing(GOAL);
+    if (!other) return void this.orders.give(words, order);
     void this.orders.give(words, order, {
-      label: `Run ${TO_GOALS} on ${name}, then go`,
+      label: `Run ${other} on ${name}, then go`,
       does: () => void this.#switchAndGo(name, words, order),
     });
   }
@@ -112,24 +113,21 @@ export class RobotCard {
    * @param {Record<string, unknown>} order
    */
   async #switchAndGo(name, words, order) {
-    if (await this.#runs(name, TO_GOALS)) void this.orders.give(words, order);
-  }
-
-  /** @param {Robot} robot */
-  #drivesToGoals({ details: { behaviour } }) {
-    return behaviour !== null && (this.fleet.hello?.behaviours[behaviour]?.needs ?? []).includes("goal");
+    if (await this.#runs(name, GOAL)) void this.orders.give(words, order);
   }
 
   /**
-   * Have a robot run a behaviour, and wait until it does: it takes a new one when it hears of it, not when it is ordered.
+   * Have a robot run a behaviour that needs an input, and wait until it does: it takes a new one when it hears of it,
+   * not when it is ordered.
    *
    * @param {string} name
-   * @param {string} behaviour
+   * @param {string} input
    * @returns {Promise<boolean>} whether it does.
    */
-  async #runs(name, behaviour) {
-    const does = () => this.fleet.robots.get(name)?.details.behaviour === behaviour;
+  async #runs(name, input) {
+    const does = () => this.fleet.needs(this.fleet.robots.get(name)?.details.behaviour ?? null, input);
     if (does()) return true;
+    const behaviour = this.fleet.needing(input);
     const order = { order: "behaviour", behaviour, parameters: {}, names: [name] };
     const { outcome } = await this.orders.give(`${name}: ${behaviour}`, order);
     for (let wait = 0; outcome === "taken" && wait < 30 && !does(); wait++) {
@@ -239,7 +237,7 @@ export class RobotCard {
   /** @param {string} name  empty to let go. */
   async #takeByHand(name) {
     this.driving.take("");
-    if (name && !(await this.#runs(name, MANUAL))) return;
+    if (name && !(await this.#runs(name, HAND))) return;
     if (name && this.arena.selected !== name) return; // another one was chosen meanwhile
     this.driving.take(name);
     this.update();

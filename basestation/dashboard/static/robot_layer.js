@@ -126,7 +126,8 @@ function nose(context, r) {
 }
 
 /**
- * Two bars for one that waits, a square for one that is stopped, a question, a cross.
+ * Two bars for one that waits, a square for one that is stopped, a cross for one that is lost, a stroke for one without
+ * an agent, a clock for one that is stale, an exclamation mark for one that failed.
  *
  * @param {Context} context
  * @param {import("./protocol.js").Condition} condition

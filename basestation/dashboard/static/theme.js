@@ -4,8 +4,26 @@ const KEY = "muro-theme";
 /** @type {("auto" | "light" | "dark")[]} */
 const CHOICES = ["auto", "light", "dark"];
 
+/** What was chosen here before; a browser may keep nothing, and says so by an exception. */
+function kept() {
+  try {
+    return localStorage.getItem(KEY);
+  } catch {
+    return null;
+  }
+}
+
+/** @param {string} choice */
+function keep(choice) {
+  try {
+    localStorage.setItem(KEY, choice);
+  } catch {
+    // It lasts as long as the page.
+  }
+}
+
 export class Theme {
-  #choice = CHOICES.find((one) => one === localStorage.getItem(KEY)) ?? "auto";
+  #choice = CHOICES.find((one) => one === kept()) ?? "auto";
   #dark = matchMedia("(prefers-color-scheme: dark)");
 
   /**
@@ -16,7 +34,7 @@ export class Theme {
     this.button = button;
     button.onclick = () => {
       this.#choice = CHOICES[(CHOICES.indexOf(this.#choice) + 1) % CHOICES.length] ?? "auto";
-      localStorage.setItem(KEY, this.#choice);
+      keep(this.#choice);
       this.#apply();
       changed();
     };

@@ -90,6 +90,7 @@ class Knowledge:
         keep = body.radius + settings.wall_margin
         self.walls = tuple(Obstacle(x, y, x_end - x, y_end - y, keep, WALL) for x, y, x_end, y_end in walls)
         self._received: deque[_Received] = deque()
+        self._unseen: dict[str, RobotSeen] = {}  # where robots were that this base station has not seen yet
         self._half_margin = 0.5 * settings.margin
         self._listening_since = math.inf
         self._now = -math.inf
@@ -156,6 +157,9 @@ class Knowledge:
             return
         if not received or sent - received[-1].sent > GAP:
             self._listening_since = sent
+        if received and received[-1].epoch != snapshot.epoch:
+            self._unseen.update(received[-1].rows)
+        self._unseen = {name: row for name, row in self._unseen.items() if name not in rows}
         received.append(taken)
         oldest_row = min(max([0.0, *(row.age for row in rows.values())]), _OLDEST_ROW)
         oldest = sent - self._span - oldest_row
@@ -165,31 +169,32 @@ class Knowledge:
         self._look(sent, rows)
 
     def _look(self, sent: float, rows: Mapping[str, RobotSeen]) -> None:
-        """Where the others are in the newest snapshot."""
-        obstacles: list[Obstacle] = []
+        """Where the others are in the newest snapshot. One that only the base station before this one has seen is there
+        still: no camera has seen it since."""
+        obstacles = list(self._unseen.values())
         self._sent, self._tracked, self._seen = sent, [], []
         for name, row in rows.items():
             mate = self._mates.get(name)
-            tracked = mate is not None and row.state == "tracking"
-            if tracked:
-                self._speeds[name] = row.v, row.omega
             if mate is not None and (row.state in _KEEPS_APART or row.state == _STOPS):
+                if row.state == "tracking":
+                    self._speeds[name] = row.v, row.omega
                 self._tracked.append((row, mate, self._speeds.get(name, (0.0, 0.0))[0]))
-            if mate is not None and tracked:
+            if mate is not None and row.state == "tracking":
                 self._seen.append((row, mate.keep, row.v))
             else:
-                body = mate.body if mate is not None else self._largest
-                keep = self._body.radius + self._settings.margin + body.radius
-                obstacles.append(self._obstacle(row, body, keep))
-                self._seen.append((row, keep, 0.0))
-        self.obstacles = tuple(obstacles)
+                obstacles.append(row)
+        self.obstacles = tuple(map(self._obstacle, obstacles))
+        self._seen += ((row, obstacle.keep, 0.0) for row, obstacle in zip(obstacles, self.obstacles, strict=True))
 
     def _stretch(self, row: RobotSeen, body: Body) -> Stretch:
         return _stretch_of(row.x, row.y, row.theta, row.v, body, body.radius + self._half_margin)
 
-    def _obstacle(self, row: RobotSeen, body: Body, keep: float) -> Obstacle:
+    def _obstacle(self, row: RobotSeen) -> Obstacle:
         """A robot that may have gone on after it was seen: for as long as it may drive blind, and its braking. One that
         turned may have gone on straight, or have turned further, so it is wider by how far that leads aside."""
+        mate = self._mates.get(row.name)
+        body = mate.body if mate is not None else self._largest
+        keep = self._body.radius + self._settings.margin + body.radius
         v, omega = self._speeds.get(row.name, (0.0, 0.0))
         far = v * self._settings.hold + stopping_distance(v, body)
         turn = abs(omega) * (self._settings.hold + abs(v) / body.brake)

@@ -1,0 +1,55 @@
+"""The wheel has all of the page: somebody who installs it has no npm, and the page loads nothing from the internet."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+from tests.support.browser import STATIC
+
+ROOT = Path(__file__).parents[2]
+
+PAGE = PurePosixPath(STATIC.relative_to(ROOT))
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files of a wheel that was built from here, by their names."""
+    pytest.importorskip("hatchling", reason="no hatchling, which builds wheels: make setup")
+    if not (STATIC / "vendor" / "msgpack.min.js").exists():
+        pytest.skip("the page's libraries are not installed: make setup")
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=60)
+    (built,) = folder.glob("*.whl")
+    with zipfile.ZipFile(built) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def test_a_wheel_has_all_that_the_page_loads(wheel: dict[str, bytes]) -> None:
+    """From index.html on: what it links to, and what the modules import."""
+    found: set[str] = set()
+    waiting = ["index.html"]
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found.add(name)
+        text = wheel[str(PAGE / name)].decode()
+        if name.endswith(".html"):
+            waiting += re.findall(r'(?:src|href)="([^"#]+)"', text)
+        elif name.endswith(".js") and not name.startswith("vendor/"):
+            waiting += re.findall(r'from "\./([^"]+)"', text)
+    assert {"main.js", "driving.js", "vendor/msgpack.min.js", "vendor/uPlot.iife.min.js"} <= found
+    types_only = {"protocol.js"}
+    assert {path.name for path in STATIC.glob("*.*")} - types_only == {name for name in found if "/" not in name}
+
+
+def test_a_wheel_has_the_licences_of_the_libraries_in_it(wheel: dict[str, bytes]) -> None:
+    for library in ("msgpack", "uPlot"):
+        assert b"Permission" in wheel[str(PAGE / "vendor" / f"{library}.LICENSE")]
