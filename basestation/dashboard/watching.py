@@ -123,6 +123,7 @@ class FleetWatch:
             goal: the goal.
         """
         self._goals[name] = self._run_of(name), [goal.x, goal.y, goal.theta]
+        self._events.goal(self._bus.clock.now(), name, goal)
 
     # ---- fast
 
@@ -158,6 +159,7 @@ class FleetWatch:
             report = health.message if health is not None else None
             behaviour, path, cell = behaviours.get(name), paths.get(name), cells.get(name)
             self._events.robot(now, name, state, reason)
+            self._events.behaviour(now, name, behaviour)
             self.frames.set_detail(
                 name,
                 {
@@ -183,7 +185,9 @@ class FleetWatch:
             self._set_processes(now, healths)
 
     def _set_processes(self, now: float, healths: Mapping[str, Received[Health]]) -> None:
-        own = Health(stamp=now, role=_PAGE, state="serving", numbers=self._bus.numbers())
+        # A page looks at the newest of everything a few times a second: what it passes over is not lost.
+        numbers = {key: number for key, number in self._bus.numbers().items() if not key.endswith("_dropped")}
+        own = Health(stamp=now, role=_PAGE, state="serving", numbers=numbers)
         heard = self._heard()
         router = Health(stamp=heard, role=_ROUTER, state="reached")
         reports = {
@@ -220,6 +224,7 @@ class FleetWatch:
         kept = self._circle.get()
         if kept is not None:
             circle = kept.message.circle
+            self._events.circle(now, circle)
             frames.set_part(
                 "circle",
                 {

@@ -15,6 +15,7 @@ pytestmark = [pytest.mark.asyncio(loop_scope="package")]
 
 PICTURE = encode_jpeg(np.full((20, 20), 128, np.uint8), 70)
 
+
 def rows(v: float, wanted: float) -> dict[str, Any]:
     """Robots that drive at a speed, and are to drive at another [m/s]."""
     return {name: [0.5 * turn, 0.0, 0.0, v, 0.0, 0.05, wanted, 0.0] for turn, name in enumerate(NAMES)}

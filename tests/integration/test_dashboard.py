@@ -70,6 +70,7 @@ class TestWhatItShows:
             await client.until(lambda: client.states > 60, 15.0, "states")
             assert client.size / client.states < 1500.0
             assert client.state["processes"]["r1"]["rates"]["pose"] > 5.0
+            assert client.state["processes"]["page"]["drops"] == 0, "what it passes over is not lost"
             assert [number for number, *_ in client.state["events"]] == sorted(
                 {number for number, *_ in client.state["events"]}
             )

@@ -27,7 +27,8 @@ from muro_zenoh.behaviours import table
 from muro_zenoh.config import Scenario, parse_scenario, read_parameters
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.errors import ConfigError, MissingExtra
-from muro_zenoh.messages import Frame, Health, RobotState, StopOrder
+from muro_zenoh.geometry import Circle
+from muro_zenoh.messages import Behaviour, Frame, Goal, Health, RobotState, StopOrder
 from muro_zenoh.optics.jpeg import encode_jpeg
 from muro_zenoh.transport import Received
 
@@ -289,6 +290,14 @@ def test_events_are_changes_and_not_ages() -> None:
     events.stop(2.0, StopOrder(all=False))
     events.stop(3.0, StopOrder(all=True))
     events.stop(4.0, StopOrder(all=False))
+    for _ in range(2):
+        events.behaviour(5.0, "r1", Behaviour(behaviour="circle", parameters={"speed": 0.1}))
+        events.circle(5.0, Circle(0.0, 0.0, 0.8))
+    events.behaviour(6.0, "r1", None)
+    events.behaviour(6.0, "r1", Behaviour(behaviour="dubins"))
+    events.circle(6.0, Circle(0.5, 0.0, 0.6, clockwise=True))
+    events.goal(7.0, "r1", Goal(x=1.0, y=-0.5, theta=math.pi / 2))
+    events.goal(7.0, "r1", Goal(x=1.0, y=-0.5))
     frames.set_state(0.0, {})
     assert [text for *_, text in msgpack.unpackb(frames.since(-1))["events"]] == [
         "holding: no pose for 0.3 s",
@@ -296,6 +305,11 @@ def test_events_are_changes_and_not_ages() -> None:
         "agent is gone",
         "stop: every robot",
         "no robot is stopped any longer",
+        "behaviour circle with speed = 0.1",
+        "behaviour dubins",
+        "circle round (0.50, 0.00) m, radius 0.60 m, clockwise",
+        "goal (1.00, -0.50) m, heading 90°",
+        "goal (1.00, -0.50) m",
     ]
 
 
