@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from muro_zenoh.optics.jpeg import encode_jpeg
-from tests.support.played_base import NAMES, There, hello
+from tests.support.played_base import NAMES, There, hello, receipt
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package")]
 
@@ -95,3 +95,32 @@ async def test_only_what_says_that_it_is_well_is_green(there: There) -> None:
     assert await signs.all_inner_texts() == ["", "", "", "gone", "missing"]
     said = await opened.page.locator("#panel-health .more p:visible").all_inner_texts()
     assert said == ["it lives, and is silent", "lives; it reports nothing of itself"]
+
+
+# ---- what is old
+
+
+GREY = """() => [...document.querySelectorAll("#floor, #robots, #panel-health, #receipt")].map(
+    part => getComputedStyle(part).filter.includes("grayscale"))"""
+
+
+async def test_what_is_old_looks_old_everywhere(there: There) -> None:
+    opened, base = there
+    report = {"role": "agent", "alive": True, "state": "x", "age": 0.5, "drops": 0, "rejects": 0}
+    base.answers["stop"] = lambda order: {"outcome": "taken", "reason": "", "receipt": receipt(*NAMES)}
+    await opened.page.keyboard.press("Escape")
+    await opened.page.locator("#receipt.good").wait_for()
+    await opened.page.locator("#tab-health").click()
+    base.state(processes={"r1": report, "router": {**report, "role": "router"}})
+    await opened.page.locator("#panel-health .alive").nth(1).wait_for()
+    assert await opened.page.evaluate(GREY) == [False] * 4
+    base.state(processes={"r1": report, "router": {**report, "role": "router", "alive": False}})
+    await opened.page.locator("#link", has_text="Old").wait_for()
+    await opened.page.locator("#veil", has_text="its router is gone").wait_for()
+    base.state(processes={"r1": report})
+    await opened.page.locator("#link", has_text="Live").wait_for()
+    base.sends = False
+    await opened.page.locator("#link", has_text="Old").wait_for()
+    assert await opened.page.evaluate(GREY) == [True] * 4
+    assert await opened.page.locator("#panel-health .alive").count() == 0
+    assert await opened.page.locator("#panel-health td").first.inner_text() == "old"

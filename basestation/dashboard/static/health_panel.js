@@ -40,15 +40,19 @@ export class HealthPanel {
     );
   }
 
-  /** Show what is new; nothing while nobody can see it. */
-  update() {
+  /**
+   * Show what is new; nothing while nobody can see it.
+   *
+   * @param {boolean} live  whether what is shown is what is.
+   */
+  update(live) {
     if (this.panel.hidden) return;
     const { processes, events } = this.fleet;
     if (Object.keys(processes).join() !== [...this.#rows.keys()].join()) {
       this.#rows = new Map(Object.keys(processes).map((name) => [name, new ProcessRows(name)]));
       this.#table.replaceChildren(...[...this.#rows.values()].flatMap(({ row, more }) => [row, more]));
     }
-    for (const [name, rows] of this.#rows) rows.show(/** @type {ProcessReport} */ (processes[name]));
+    for (const [name, rows] of this.#rows) rows.show(/** @type {ProcessReport} */ (processes[name]), live);
     const newest = `${events[0]} ${events.length}`;
     if (newest === this.#shownEvents) return;
     this.#shownEvents = newest;
@@ -88,15 +92,18 @@ class ProcessRows {
     );
   }
 
-  /** @param {ProcessReport} report */
-  show({ alive, state, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }) {
+  /**
+   * @param {ProcessReport} report
+   * @param {boolean} live  whether it is what is.
+   */
+  show({ alive, state, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }, live) {
     // One that lives and does not say how it is may be frozen: that is no green.
     const silent = age === null || age === undefined || age > SILENT;
-    this.#sign.className = !alive ? "dead" : silent ? "silent" : "alive";
+    this.#sign.className = !alive ? "dead" : silent || !live ? "silent" : "alive";
     say(this.#sign, alive ? "" : state === "missing" ? "missing" : "gone");
     const fastest = Math.max(...Object.values(rates), -Infinity);
     const words = [
-      amount(age, 1, "s"),
+      live ? amount(age, 1, "s") : "old",
       amount(cpu, 0, "%"),
       amount(memory, 0, "MB"),
       Number.isFinite(fastest) ? `${figure(fastest, 0)} Hz` : "–",

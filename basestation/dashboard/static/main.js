@@ -142,14 +142,14 @@ function start() {
   }
 
   function show() {
-    const live = link.update();
+    const live = link.update(fleet.processes.router?.alive ?? true);
     stop.update();
     list.update(arena.selected);
     card.update();
     behaviours.update();
     circle.update();
     if (live) plots.update();
-    health.update();
+    health.update(live);
     faults.update();
     say(
       at("held"),
