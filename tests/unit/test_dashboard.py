@@ -21,6 +21,7 @@ from basestation.dashboard.offer import Offer, listen, offer, tokens_beside
 from basestation.dashboard.pictures import Rectifier
 from basestation.dashboard.processes import Processes
 from basestation.dashboard.requests import BadMessage, read_order
+from basestation.dashboard.ring import RingOf
 from basestation.dashboard.watching import state_of
 from basestation.localization.floor_map import FloorMap
 from muro_zenoh.behaviours import table
@@ -311,6 +312,15 @@ def test_events_are_changes_and_not_ages() -> None:
         "goal (1.00, -0.50) m, heading 90°",
         "goal (1.00, -0.50) m",
     ]
+
+
+def test_robots_spread_evenly_or_by_the_importance() -> None:
+    ring = RingOf(lab())
+    evenly = Behaviour(behaviour="pursuit")
+    table = {"pursuit": "importance", "angles": [0.0, 3.0], "weights": [1.0, 2.0]}
+    weighted = Behaviour(behaviour="pursuit", parameters=table)
+    assert ring.spreading({"r1": evenly, "r2": Behaviour(behaviour="hold")}) == ["r1"]
+    assert ring.spreading({"r1": weighted, "r2": weighted}) == ["r1", "r2"]
 
 
 def test_processes_with_what_they_use() -> None:

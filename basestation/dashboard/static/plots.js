@@ -28,8 +28,8 @@ const CHARTS = [
 
 const HEIGHT = 112;
 
-/** So many values are read on a line under the title, of this height [em]. */
-const ON_A_LINE = 4;
+/** So many robots are read on a line under the title, of this height [em]: with one value each, or with more. */
+const ON_A_LINE = [4, 3];
 const LINE_HEIGHT = 1.5;
 
 /** More lines than colours cannot be told apart. */
@@ -145,7 +145,7 @@ export class Plots {
   #chart({ title, unit, digits, quantities, least }) {
     const { palette } = this;
     // Its lines are there before there is anything to read: a chart must not move away from under the pointer.
-    const lines = Math.ceil((this.#chosen.length * quantities.length) / ON_A_LINE);
+    const lines = Math.ceil(this.#chosen.length / (ON_A_LINE[quantities.length > 1 ? 1 : 0] ?? 1));
     const readout = element("span", { className: "readout" });
     readout.style.height = `${LINE_HEIGHT * lines}em`;
     const time = element("time", {});
