@@ -172,7 +172,11 @@ class Desk:
         return _of_reply(reply)
 
     async def _behaviour(self, order: BehaviourOrder) -> dict[str, Any]:
-        change = SetBehaviour(behaviour=order.behaviour, parameters=order.parameters, names=order.names)
+        # A page leaves out what is as by default; those of a user's own are the scenario's, which no robot knows.
+        own, parameters = self._scenario.behaviour, order.parameters
+        if ":" in order.behaviour and order.behaviour == own.name:
+            parameters = {**own.parameters, **parameters}
+        change = SetBehaviour(behaviour=order.behaviour, parameters=parameters, names=order.names)
         result = await set_behaviour(self._bus, change)
         if result.refusals:
             reasons = "; ".join(f"{name} cannot run it: {reason}" for name, reason in result.refusals.items())

@@ -154,6 +154,14 @@ class TestOrders:
             await client.order("behaviour", behaviour="hold", names=["r1"])
             await client.until(lambda: not client.details("r1")["path"], 5.0, "a path ends with its behaviour")
 
+    async def test_the_scenarios_own_behaviour_is_begun_with_its_parameters(self) -> None:
+        async with page_fleet(lab(1, "nowhere:own", gain=2.0, far=1.0), agents=[]) as fleet, fleet.client() as client:
+            reply = await client.order("behaviour", behaviour="nowhere:own", parameters={"far": 3.0})
+            assert reply["outcome"] == "taken"
+            await client.until(
+                lambda: client.details("r1").get("parameters") == {"gain": 2.0, "far": 3.0}, 5.0, "the parameters"
+            )
+
     async def test_a_goal_for_a_robot_without_an_agent_is_not_answered(self) -> None:
         async with page_fleet(lab(2), agents=["r1"]) as fleet, fleet.client() as client:
             reply = await client.order("behaviour", behaviour="hold")

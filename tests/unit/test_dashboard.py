@@ -184,6 +184,21 @@ class TestDescribing:
                     with pytest.raises(ConfigError, match=key):
                         read_parameters(kind, wrong, "page")
 
+    def test_the_scenarios_own_behaviour_is_offered_with_the_parameters_of_its_table(self) -> None:
+        own = {"name": "flock:flock", "gain": 2, "near": True, "rows": [1.0, 2.0], "colour": "red"}
+        described = describe(parse_scenario({"robots": 1, "behaviour": own}, "lab.toml", name="lab"))["behaviours"]
+        assert {*table.names(), "flock:flock"} == described.keys()
+        flock = described["flock:flock"]
+        assert {key: (one["type"], one["default"]) for key, one in flock["parameters"].items()} == {
+            "gain": ("number", 2),
+            "near": ("boolean", True),
+            "rows": ("array", [1.0, 2.0]),
+            "colour": ("text", "red"),
+        }
+        assert flock["parameters"]["gain"].keys() == described["circle"]["parameters"]["speed"].keys()
+        assert {"circle"} < {*flock["needs"]}
+        assert "goal" not in flock["needs"]
+
     def test_cameras_see_the_floor(self) -> None:
         described = describe(lab())["cameras"]
         corners = np.array(described["north"]["outline"])
