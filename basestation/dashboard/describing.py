@@ -141,7 +141,15 @@ def _own(scenario: Scenario) -> dict[str, Any]:
     for key, value in settings.parameters.items():
         kind = next((word for of, word in _OWN_TYPES if isinstance(value, of)), "text")
         limits = dict.fromkeys(("at_least", "above", "at_most", "below", "when"))
-        parameters[key] = {"type": kind, "default": _plain(value), "unit": "", "choices": [], "doc": "", **limits}
+        parameters[key] = {
+            "type": kind,
+            "default": _plain(value),
+            "unit": "",
+            "choices": [],
+            "doc": "",
+            "required": False,
+            **limits,
+        }
     needs = sorted(need.value for need in Need if need not in (Need.GOALS, Need.HAND))
     return {settings.name: {"summary": "the scenario's own behaviour", "needs": needs, "parameters": parameters}}
 
@@ -190,6 +198,7 @@ def _parameter(field: Field, default: Any) -> dict[str, Any]:
     return {
         "type": "choice" if choices else kind,
         "default": None if default is REQUIRED else _plain(default),
+        "required": default is REQUIRED,
         "unit": quantity.unit,
         "at_least": _plain(quantity.at_least),
         "above": _plain(quantity.above),

@@ -213,6 +213,8 @@ class TestDescribing:
         assert faults["camera_dropout"]["targets"] == ["camera", "camera/north", "camera/south"]
         assert faults["delay"]["parameters"].keys() == {"delay", "direction"}
         assert faults["delay"]["parameters"]["delay"]["at_most"] == 10.0
+        assert faults["delay"]["parameters"]["delay"]["required"]
+        assert not faults["carry"]["parameters"]["x"]["required"]
 
 
 class TestFrames:

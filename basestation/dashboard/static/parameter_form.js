@@ -32,6 +32,7 @@ export class ParameterForm {
     for (const [key, parameter] of Object.entries(table)) {
       const field = fieldOf(parameter, key in values ? values[key] : parameter.default);
       field.name = key;
+      field.required = parameter.required ?? false;
       field.onchange = () => {
         this.#showThoseThatApply();
         if (field.checkValidity() && parse(field, parameter) !== undefined) this.changed();
