@@ -124,3 +124,16 @@ async def test_what_is_old_looks_old_everywhere(there: There) -> None:
     assert await opened.page.evaluate(GREY) == [True] * 4
     assert await opened.page.locator("#panel-health .alive").count() == 0
     assert await opened.page.locator("#panel-health td").first.inner_text() == "old"
+
+
+# ---- without libraries
+
+
+async def test_without_its_libraries_nothing_on_the_page_looks_alive(there: There) -> None:
+    opened, _ = there
+    await opened.page.route("**/vendor/*.js", lambda route: route.fulfill(body=""))
+    await opened.page.reload()
+    await opened.page.locator("#veil", has_text="make setup").wait_for()
+    assert await opened.page.locator("#stop").is_disabled()
+    assert await opened.page.locator("#stop").inner_text() == "Stop does not work here"
+    assert await opened.page.locator("#link-words").inner_text() == "Not working"

@@ -34,9 +34,16 @@ function start() {
   if (messagePack === null || uPlot === null) {
     say(
       at("veil-words"),
-      "The page's libraries are not installed: run `make setup`, then load it again. `muro stop` works without them.",
+      "The page's libraries are missing. In a clone of the project run `make setup`; a wheel without them is broken: " +
+        "install another one. Until then use `muro stop` and the other commands.",
     );
     at("veil").hidden = false;
+    say(at("link-words"), "Not working");
+    // What looks alive and is not would be pressed in an emergency.
+    const stop = byId("stop", HTMLButtonElement);
+    stop.disabled = true;
+    say(stop, "Stop does not work here");
+    at("desk").inert = true;
     return;
   }
   const fleet = new Fleet();
