@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from muro_zenoh.optics.jpeg import encode_jpeg
-from tests.support.played_base import NAMES, There, hello, receipt
+from tests.support.played_base import DETAILS, NAMES, There, hello, receipt
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package")]
 
@@ -137,3 +137,51 @@ async def test_without_its_libraries_nothing_on_the_page_looks_alive(there: Ther
     assert await opened.page.locator("#stop").is_disabled()
     assert await opened.page.locator("#stop").inner_text() == "Stop does not work here"
     assert await opened.page.locator("#link-words").inner_text() == "Not working"
+
+
+# ---- little room
+
+
+UNDER = """what => { const box = document.querySelector(what).getBoundingClientRect();
+    return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2).id; }"""
+
+
+async def test_nothing_lies_over_the_floor_or_its_buttons(there: There) -> None:
+    opened, base = there
+    page = opened.page
+    await page.set_viewport_size({"width": 844, "height": 390})
+    await page.locator("#robots strong", has_text="r1").click()
+    base.tell("r1", behaviour="circle")
+    await page.locator("#hint", has_text="Click the floor").wait_for()
+    hint, buttons = await page.locator("#hint").bounding_box(), await page.locator("#look").bounding_box()
+    assert hint is not None
+    assert buttons is not None
+    assert hint["x"] + hint["width"] <= buttons["x"] or hint["y"] >= buttons["y"] + buttons["height"]
+    await page.locator("#pictures").click()
+    await opened.notice("there are no cameras")
+    assert await page.evaluate(UNDER, ".notice") == "floor"
+
+
+async def test_many_missing_robots_leave_the_tabs_in_sight_of_a_phone(there: There) -> None:
+    opened, base = there
+    await opened.page.set_viewport_size({"width": 390, "height": 844})
+    names = [f"r{k}" for k in range(12)]
+    base.send(hello(names))
+    base.state(details={name: {**DETAILS, "state": "absent", "reason": "no agent is running for it"} for name in names})
+    await opened.page.locator("#aside li").nth(11).wait_for()
+    tabs = await opened.page.locator("#tabs").bounding_box()
+    stop = await opened.page.locator("#stopping").bounding_box()
+    assert tabs is not None
+    assert stop is not None
+    assert tabs["y"] + tabs["height"] <= stop["y"]
+
+
+async def test_a_viewer_sees_why_nothing_can_be_broken_and_symbols_are_those_of_the_laws(there: There) -> None:
+    opened, base = there
+    number = {"type": "number", "default": 1.0}
+    keys = {"k_o": "k_o", "rho_0": "rho_0", "v_min": "v_min", "turning_radius": "turning radius"}
+    fault = {"doc": "", "targets": ["r1"], "parameters": dict.fromkeys(keys, number)}
+    base.send(hello(NAMES, may_steer=False, simulated=True, faults={"carry": fault}))
+    await opened.page.locator("#tab-faults").click()
+    await opened.page.locator("#panel-faults", has_text="You may watch, and stop.").wait_for()
+    assert await opened.page.locator("#panel-faults .fields span").all_inner_texts() == list(keys.values())
