@@ -185,9 +185,7 @@ class FleetWatch:
             self._set_processes(now, healths)
 
     def _set_processes(self, now: float, healths: Mapping[str, Received[Health]]) -> None:
-        # A page looks at the newest of everything a few times a second: what it passes over is not lost.
-        numbers = {key: number for key, number in self._bus.numbers().items() if not key.endswith("_dropped")}
-        own = Health(stamp=now, role=_PAGE, state="serving", numbers=numbers)
+        own = Health(stamp=now, role=_PAGE, state="serving", numbers=self._bus.numbers())
         heard = self._heard()
         router = Health(stamp=heard, role=_ROUTER, state="reached")
         reports = {
