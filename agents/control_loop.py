@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from agents.drive import Drive
 from agents.failure import FAILURES, OnFailure
-from agents.outgoing import Outgoing, calibrations, estimate_message, shown
+from agents.outgoing import NO_CELL, NO_PATH, Outgoing, calibrations, estimate_message, shown
 from agents.tracking import Tracking
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Behaviour, Intent, Seen, Snapshot, hold
@@ -93,6 +93,7 @@ class ControlLoop:
         self._updated = math.inf
         self._paused = 0.0
         self._ended = False
+        self._path_shown = self._cell_shown = False
 
     # ---- events
 
@@ -236,6 +237,14 @@ class ControlLoop:
         messages = shown(intent)  # may raise: before anything is kept
         self._intent, self._intended = intent, now
         out += messages
+        self._path_shown |= intent.path is not None
+        self._cell_shown |= intent.cell is not None
+        if intent.twist is None and self._path_shown:  # it has arrived, or drives there no longer
+            self._path_shown = False
+            out += NO_PATH
+        if intent.twist is None and self._behaviour is None and self._cell_shown:
+            self._cell_shown = False
+            out += NO_CELL
 
     def _command(self, now: float, out: Outgoing) -> None:
         estimate, intent, around = self._estimate, self._intent, self._around

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from muro_zenoh import channels
 from muro_zenoh.behaviours.interface import Intent
@@ -14,6 +14,10 @@ from muro_zenoh.messages import Calibration, Cell, Estimate, Message, PlannedPat
 
 Outgoing = list[tuple[Channel[Any], Message]]
 """Messages to send, each under this robot's name."""
+
+NO_PATH: Final[Outgoing] = [(channels.PATH, PlannedPath(x=0.0, y=0.0, theta=0.0, segments=()))]
+NO_CELL: Final[Outgoing] = [(channels.CELL, Cell(corners=(), x=0.0, y=0.0))]
+"""End what :func:`shown` has shown. Both are kept for late joiners, so a path that is over would be shown forever."""
 
 
 def shown(intent: Intent) -> Outgoing:

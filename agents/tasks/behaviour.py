@@ -120,6 +120,7 @@ class BehaviourRunner:
                 self.revision = order.revision
                 continue  # the base station repeats the kept state
             current = wanted
+            self._loop.behave(None)
             self._hold("the behaviour is changing")
             await self._end()
             self._start(order)

@@ -12,6 +12,7 @@ import numpy as np
 
 from basestation.localization.floor_map import FloorMap
 from muro_zenoh.behaviours import table
+from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.config import Scenario
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.config.fault_rows import targets
@@ -23,6 +24,9 @@ _EDGE: Final = 12
 """Points on each edge of a picture that its outline on the floor is drawn through."""
 
 _TYPES: Final[Mapping[Any, str]] = {float: "number", int: "integer", bool: "boolean", str: "text", tuple: "array"}
+
+_OWN_TYPES: Final = ((bool, "boolean"), ((int, float), "number"), ((tuple, list), "array"))
+"""Of a value of a user's own parameter; a whole number may be meant as a number."""
 
 _FAULT_FIELDS: Final = ("target", "at", "until", "duration")
 """What every fault has, and a page does not ask for among the numbers of its kind."""
@@ -52,7 +56,7 @@ def describe(scenario: Scenario) -> dict[str, Any]:
             }
             for name, robot in scenario.robot.items()
         },
-        "behaviours": {name: _behaviour(name) for name in table.names()},
+        "behaviours": {**{name: _behaviour(name) for name in table.names()}, **_own(scenario)},
         "cameras": {
             name: {"outline": outline(FloorMap(camera_model(name, settings, arena)), tag_height(scenario))}
             for name, settings in scenario.camera.items()
@@ -127,6 +131,29 @@ def _behaviour(name: str) -> dict[str, Any]:
     }
 
 
+def _own(scenario: Scenario) -> dict[str, Any]:
+    """The scenario's behaviour when it is a user's own: its parameters are known by their values alone, and what it
+    needs is not."""
+    settings = scenario.behaviour
+    if ":" not in settings.name:
+        return {}
+    parameters = {}
+    for key, value in settings.parameters.items():
+        kind = next((word for of, word in _OWN_TYPES if isinstance(value, of)), "text")
+        limits = dict.fromkeys(("at_least", "above", "at_most", "below", "when"))
+        parameters[key] = {
+            "type": kind,
+            "default": _plain(value),
+            "unit": "",
+            "choices": [],
+            "doc": "",
+            "required": False,
+            **limits,
+        }
+    needs = sorted(need.value for need in Need if need not in (Need.GOALS, Need.HAND))
+    return {settings.name: {"summary": "the scenario's own behaviour", "needs": needs, "parameters": parameters}}
+
+
 def describe_section(kind: Any) -> dict[str, dict[str, Any]]:
     """The keys of a section of the settings, those of nested ones among them.
 
@@ -171,6 +198,7 @@ def _parameter(field: Field, default: Any) -> dict[str, Any]:
     return {
         "type": "choice" if choices else kind,
         "default": None if default is REQUIRED else _plain(default),
+        "required": default is REQUIRED,
         "unit": quantity.unit,
         "at_least": _plain(quantity.at_least),
         "above": _plain(quantity.above),

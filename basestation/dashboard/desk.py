@@ -30,6 +30,7 @@ from muro_zenoh import channels
 from muro_zenoh.behaviours import table
 from muro_zenoh.behaviours.interface import Need
 from muro_zenoh.config import Scenario
+from muro_zenoh.config.faults import CarryFault, Place
 from muro_zenoh.errors import MuroError, NoReply, OrderRefused
 from muro_zenoh.messages import Break, Clear, DriveWish, Goal, Reply, SetBehaviour, SetCircle
 from muro_zenoh.orders.behaviour import set_behaviour
@@ -47,6 +48,8 @@ _BREAK_TIMEOUT: Final = 8.0
 
 _OLDEST_SIGHT: Final = 0.3
 """Nobody drives by a state that is older [s]; the time until the wish arrives counts, so that none is late, either."""
+
+_CARRY: Final = CarryFault.__struct_config__.tag
 
 _BY_HAND: Final = frozenset(name for name in table.names() if Need.HAND in table.built_in(name).needs)
 """The behaviours that are driven by hand."""
@@ -173,12 +176,18 @@ class Desk:
         return _of_reply(reply)
 
     async def _behaviour(self, order: BehaviourOrder) -> dict[str, Any]:
-        change = SetBehaviour(behaviour=order.behaviour, parameters=order.parameters, names=order.names)
+        # A page leaves out what is as by default; those of a user's own are the scenario's, which no robot knows.
+        own, parameters = self._scenario.behaviour, order.parameters
+        if ":" in order.behaviour and order.behaviour == own.name:
+            parameters = {**own.parameters, **parameters}
+        change = SetBehaviour(behaviour=order.behaviour, parameters=parameters, names=order.names)
         result = await set_behaviour(self._bus, change)
         if result.refusals:
             reasons = "; ".join(f"{name} cannot run it: {reason}" for name, reason in result.refusals.items())
             return {"outcome": "refused", "reason": reasons}
-        return _of_reply(result.reply)
+        absent = [name for name in order.names or self._scenario.robots if not self._watch.has_agent(name)]
+        missing = f"no agent is running for {' '.join(absent)}" if absent and result.reply.accepted else ""
+        return _of_reply(result.reply, missing)
 
     async def _circle(self, order: CircleOrder) -> dict[str, Any]:
         change = SetCircle(x=order.x, y=order.y, radius=order.radius, clockwise=order.clockwise)
@@ -190,8 +199,15 @@ class Desk:
     async def _break(self, order: BreakOrder) -> dict[str, Any]:
         if not self._watch.can_be_broken:
             raise ValueError("only a fleet that `muro run` simulates can be broken")
+        if order.kind == _CARRY and order.duration is not None and not any(order.numbers.values()):
+            raise ValueError("carry: got no way and no angle, expected one of x, y, theta that is not 0")
         fault = Break(fault=order.kind, target=order.target, duration=order.duration, numbers=order.numbers)
-        return _of_reply(await self._bus.ask(channels.BREAK, fault, timeout=_BREAK_TIMEOUT))
+        try:
+            return _of_reply(await self._bus.ask(channels.BREAK, fault, timeout=_BREAK_TIMEOUT))
+        except NoReply as error:
+            if order.target != Place.ROUTER:
+                raise
+            raise NoReply("the answer would have come over the router, which was to be broken") from error
 
     # ---- what is not answered
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Mapping
 from typing import Final
 
 from basestation.dashboard.frames import Frames
-from muro_zenoh.messages import Lease, StopOrder
+from muro_zenoh.geometry import Circle
+from muro_zenoh.messages import Behaviour, Goal, Lease, StopOrder, Value
 from muro_zenoh.runtime.waiting import without_numbers
 
 _MOST: Final = 100
@@ -28,6 +30,8 @@ class Events:
         self._stop: tuple[bool, tuple[str, ...]] | None = None
         self._leases: tuple[str, ...] | None = None
         self._faults: tuple[str, ...] = ()
+        self._behaviours: dict[str, tuple[str, Mapping[str, Value]]] = {}
+        self._circle: Circle | None = None
 
     def add(self, t: float, process: str, text: str) -> None:
         """Add an event.
@@ -54,6 +58,49 @@ class Events:
             return
         self._robots[name] = now
         self.add(t, name, f"{state}: {reason}" if reason else state)
+
+    def behaviour(self, t: float, name: str, behaviour: Behaviour | None) -> None:
+        """Note what a robot is to do.
+
+        Args:
+            t: the time [s].
+            name: of the robot.
+            behaviour: its behaviour; None when it is not known.
+        """
+        if behaviour is None:
+            return
+        before, now = self._behaviours.get(name), (behaviour.behaviour, behaviour.parameters)
+        if before == now:
+            return
+        self._behaviours[name] = now
+        given = ", ".join(f"{key} = {value}" for key, value in behaviour.parameters.items())
+        self.add(t, name, f"behaviour {behaviour.behaviour}" + (f" with {given}" if given else ""))
+
+    def goal(self, t: float, name: str, goal: Goal) -> None:
+        """Note a goal that a robot has taken.
+
+        Args:
+            t: the time [s].
+            name: of the robot.
+            goal: the goal.
+        """
+        heading = f", heading {math.degrees(goal.theta):.0f}°" if goal.theta is not None else ""
+        self.add(t, name, f"goal ({goal.x:.2f}, {goal.y:.2f}) m{heading}")
+
+    def circle(self, t: float, circle: Circle) -> None:
+        """Note the circle.
+
+        Args:
+            t: the time [s].
+            circle: the circle.
+        """
+        before, self._circle = self._circle, circle
+        if before in (None, circle):
+            return
+        sense = "clockwise" if circle.clockwise else "counter-clockwise"
+        self.add(
+            t, "basestation", f"circle round ({circle.x:.2f}, {circle.y:.2f}) m, radius {circle.radius:.2f} m, {sense}"
+        )
 
     def processes(self, t: float, alive: set[tuple[str, str]]) -> None:
         """Note which processes are alive.

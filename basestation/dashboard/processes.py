@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from muro_zenoh.channels import Role
 from muro_zenoh.messages import Health
 from muro_zenoh.transport import Received
 
@@ -37,23 +38,36 @@ class _Usage:
 
 
 class Processes:
-    """Makes the rows of the health table."""
+    """Makes the rows of the health table.
 
-    def __init__(self) -> None:
+    Args:
+        agents: the robots that are to have agents.
+        cameras: those that are to have processes, unless a simulator films.
+    """
+
+    def __init__(self, agents: Collection[str] = (), cameras: Collection[str] = ()) -> None:
+        self._agents = agents
+        self._cameras = cameras
         self._usage: dict[str, _Usage] = {}
 
     def rows(
         self, now: float, healths: Mapping[str, Received[Health]], alive: Collection[tuple[str, str]]
     ) -> dict[str, dict[str, Any]]:
-        """A row for each process that is alive, or has been.
+        """A row for each process that is alive, or has been, or is missing.
 
         Args:
             now: the time [s].
             healths: what each reports.
             alive: role and name of those that are alive.
         """
-        roles = {name: role for role, name in alive}
-        return {name: self._row(name, now, healths.get(name), roles) for name in sorted({*healths, *roles})}
+        # A robot's base has the robot's name, and so has its agent.
+        roles = {f"{name}/base" if role == Role.BASE else name: role for role, name in alive}
+        expected = dict.fromkeys(self._agents, Role.AGENT)
+        if Role.SIMULATOR not in roles.values():
+            expected |= dict.fromkeys(self._cameras, Role.CAMERA)
+        rows = {name: self._row(name, now, healths.get(name), roles) for name in {*healths, *roles}}
+        missing = {name: {**_MISSING, "role": role} for name, role in expected.items() if name not in rows}
+        return dict(sorted({**rows, **missing}.items()))
 
     def _row(
         self, name: str, now: float, received: Received[Health] | None, roles: Mapping[str, str]
@@ -89,6 +103,15 @@ _NOTHING: Mapping[str, Any] = {
     "ages": {},
     "drops": 0,
     "rejects": 0,
+}
+
+
+_MISSING: Mapping[str, Any] = {
+    **_NOTHING,
+    "alive": False,
+    "state": "missing",
+    "age": None,
+    "reasons": ["it has not been started"],
 }
 
 

@@ -31,12 +31,13 @@ class RingOf:
         self._known: dict[str, tuple[str, Mapping[str, Value], Expectation, list[float] | None]] = {}
 
     def spreading(self, behaviours: Mapping[str, Behaviour]) -> list[str]:
-        """The robots that are to spread out on the circle.
+        """The robots that are to spread out on the circle, evenly or by its importance.
 
         Args:
             behaviours: what each robot is to do.
         """
-        return [name for name in self._scenario.robots if self._look(name, behaviours.get(name))[0].spreads]
+        expected = {name: self._look(name, behaviours.get(name))[0] for name in self._scenario.robots}
+        return [name for name, one in expected.items() if one.spreads or one.importance is not None]
 
     def importance(self, behaviours: Mapping[str, Behaviour]) -> list[float] | None:
         """The importance function at equal steps round the circle, its mean 1; None while no robot follows one.

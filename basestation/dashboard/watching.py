@@ -30,6 +30,9 @@ _SLOW_PERIOD: Final = 0.25
 _PAGE: Final = "page"
 """This process among the others; nobody else needs to hear of it."""
 
+_ROUTER: Final = "router"
+"""The router among the processes: it says nothing itself, but nothing comes from anybody without it."""
+
 _UNKNOWN: Final = (None,) * 8
 
 
@@ -66,7 +69,8 @@ class FleetWatch:
         self._events = Events(self.frames)
         self._ring = RingOf(scenario)
         self._slow_at = -math.inf
-        self._processes = Processes()
+        self._processes = Processes(scenario.robots, tuple(scenario.camera))
+        self._began = bus.clock.now()
         self._processes_at = -math.inf
 
     @property
@@ -87,6 +91,14 @@ class FleetWatch:
     def can_be_broken(self) -> bool:
         """Whether this fleet is simulated, and a run is there that breaks it on an operator's order."""
         return bool(self._roster.of(Role.SUPERVISOR)) and bool(self._roster.of(Role.SIMULATOR))
+
+    def has_agent(self, name: str) -> bool:
+        """Whether a robot's agent is alive.
+
+        Args:
+            name: of the robot.
+        """
+        return name in self._roster.of(Role.AGENT)
 
     def tick(self) -> None:
         """Make the state of now."""
@@ -111,6 +123,7 @@ class FleetWatch:
             goal: the goal.
         """
         self._goals[name] = self._run_of(name), [goal.x, goal.y, goal.theta]
+        self._events.goal(self._bus.clock.now(), name, goal)
 
     # ---- fast
 
@@ -134,6 +147,10 @@ class FleetWatch:
     def _set_slow(self, now: float, seen: Mapping[str, RobotState], silent: float) -> None:
         healths, bases, behaviours = self._health.values(), self._bases.values(), self.behaviours
         alive = self._roster.of(Role.AGENT)
+        # What an agent keeps for late joiners ends with it, and it can no longer say so itself.
+        for kept in (self._paths, self._cells):
+            for name in kept.values().keys() - alive:
+                kept.forget(name)
         paths, cells = _messages(self._paths), _messages(self._cells)
         cal_v, cal_omega = _messages(self._cal_v), _messages(self._cal_omega)
         for name in self._scenario.robots:
@@ -142,6 +159,7 @@ class FleetWatch:
             report = health.message if health is not None else None
             behaviour, path, cell = behaviours.get(name), paths.get(name), cells.get(name)
             self._events.robot(now, name, state, reason)
+            self._events.behaviour(now, name, behaviour)
             self.frames.set_detail(
                 name,
                 {
@@ -161,16 +179,30 @@ class FleetWatch:
                 },
             )
         self._set_kept(now, seen, behaviours)
-        self._events.processes(now, self._roster.alive)
+        self._events.processes(now, self._alive(now))
         if now - self._processes_at >= channels.HEALTH.period or now < self._processes_at:
             self._processes_at = now
             self._set_processes(now, healths)
 
     def _set_processes(self, now: float, healths: Mapping[str, Received[Health]]) -> None:
         own = Health(stamp=now, role=_PAGE, state="serving", numbers=self._bus.numbers())
-        reports = {_PAGE: Received(_PAGE, own, now, 0.0, 0.0), **healths}
-        alive = {(_PAGE, _PAGE), *self._roster.alive}
-        self.frames.set_part("processes", self._processes.rows(now, reports, alive))
+        heard = self._heard()
+        router = Health(stamp=heard, role=_ROUTER, state="reached")
+        reports = {
+            _PAGE: Received(_PAGE, own, now, 0.0, 0.0),
+            _ROUTER: Received(_ROUTER, router, heard, 0.0, 0.0),
+            **healths,
+        }
+        self.frames.set_part("processes", self._processes.rows(now, reports, {(_PAGE, _PAGE), *self._alive(now)}))
+
+    def _alive(self, now: float) -> set[tuple[str, str]]:
+        """Role and name of each process that is alive; the router is while anything comes from anybody."""
+        router = {(_ROUTER, _ROUTER)} if now - self._heard() <= channels.HEALTH.stale_after else set()
+        return self._roster.alive | router
+
+    def _heard(self) -> float:
+        """When anything came last [s]."""
+        return max((counters.arrival for counters in self._bus.counters.values()), default=self._began)
 
     def _goal_of(self, name: str) -> list[float | None] | None:
         run, goal = self._goals.get(name, (None, None))
@@ -190,6 +222,7 @@ class FleetWatch:
         kept = self._circle.get()
         if kept is not None:
             circle = kept.message.circle
+            self._events.circle(now, circle)
             frames.set_part(
                 "circle",
                 {
@@ -276,7 +309,11 @@ def _value(calibration: Any) -> float | None:
 
 
 def _path(path: PlannedPath | None) -> dict[str, Any] | None:
-    return None if path is None else {"x": path.x, "y": path.y, "theta": path.theta, "segments": path.segments}
+    return (
+        None
+        if path is None or not path.segments
+        else {"x": path.x, "y": path.y, "theta": path.theta, "segments": path.segments}
+    )
 
 
 def _cell(cell: Cell | None) -> dict[str, Any] | None:

@@ -247,8 +247,8 @@ class CarryFault(RobotFault, frozen=True, kw_only=True, tag="carry"):
     """Somebody carries the robot away, evenly from ``at`` to the end; the wheels notice nothing.
 
     Attributes:
-        x: how far [m, world].
-        y: how far [m, world].
+        x: how far to the right [m, world]; not where to.
+        y: how far upwards [m, world]; not where to.
         theta: by which angle it is turned [rad].
     """
 

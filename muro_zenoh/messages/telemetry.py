@@ -142,7 +142,8 @@ class PlannedPath(Message, frozen=True, kw_only=True):
         x: where it begins [m, world].
         y: where it begins [m, world].
         theta: in which direction [rad].
-        segments: rows ``(length [m], curvature [1/m])``, the curvature positive to the left, 0 straight on.
+        segments: rows ``(length [m], curvature [1/m])``, the curvature positive to the left, 0 straight on; empty when
+            there is no path any more.
         goal_theta: whether the goal specified the heading at the end; otherwise the heuristic chose it.
     """
 
@@ -157,7 +158,7 @@ class Cell(Message, frozen=True, kw_only=True):
     """A robot's Voronoi cell within the arena, and its (density-weighted) centroid.
 
     Attributes:
-        corners: ``(x, y)`` counter-clockwise [m, world]; empty for an empty cell.
+        corners: ``(x, y)`` counter-clockwise [m, world]; empty for an empty cell, or none any more.
         x: of the centroid [m, world].
         y: of the centroid [m, world].
     """

@@ -214,7 +214,7 @@ class Collector:
         async for received in self._paths:
             m = received.message
             planned = self._planned.get(received.name)
-            if planned is None:
+            if planned is None or not m.segments:  # no path any more: it has arrived
                 continue
             try:
                 path = Path(Pose2(m.x, m.y, m.theta), tuple(Segment(*segment) for segment in m.segments))

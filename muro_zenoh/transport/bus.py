@@ -337,7 +337,7 @@ class Bus:
         now = self.clock.now()
         numbers = self._usage()
         for word, c in self.counters.items():
-            for what in ("received", "dropped", "rejected", "late", "unsent"):
+            for what in ("received", "dropped", "replaced", "rejected", "late", "unsent"):
                 if count := getattr(c, what):
                     numbers[f"{word}_{what}"] = count
             if c.arrival:

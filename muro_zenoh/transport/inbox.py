@@ -110,7 +110,7 @@ class Inbox(Declared, Generic[T]):
                 self._raw[key] = [(payload, encoding, arrival)]
             else:
                 if len(filed) >= self._depth:
-                    self._counters.dropped += 1
+                    self._displaced()
                     del filed[0]
                 filed.append((payload, encoding, arrival))
             if self._awake or self._waiter is None:
@@ -176,6 +176,10 @@ class Inbox(Declared, Generic[T]):
         if not self._closed:
             for key, filed in raw.items():
                 self._sort_key(key, filed)
+
+    @abstractmethod
+    def _displaced(self) -> None:
+        """Count a message that gave way to newer ones before anybody read it."""
 
     @abstractmethod
     def _sort_key(self, key: str, filed: list[Filed]) -> None:

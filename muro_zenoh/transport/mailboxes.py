@@ -57,6 +57,9 @@ class Latest(Inbox[T]):
         self._newest.pop(name, None)
         self._unread.pop(name, None)
 
+    def _displaced(self) -> None:
+        self._counters.replaced += 1
+
     def _sort_key(self, key: str, filed: list[Filed]) -> None:
         # From the newest on: those behind the first good one are not worth their decoding while they come in order.
         newest = before = self._newest.get(key[self._prefix :])
@@ -65,10 +68,10 @@ class Latest(Inbox[T]):
             if item is None:
                 continue
             if newest is not None and _was_overtaken(item, newest):
-                self._counters.dropped += 1
+                self._counters.replaced += 1
                 continue
             if newest is not before:
-                self._counters.dropped += 1
+                self._counters.replaced += 1
                 newest = item
                 continue
             newest = item
@@ -76,14 +79,14 @@ class Latest(Inbox[T]):
             # With as many before it as wait here, it is the last of them, unless some were lost besides.
             if known is None or known.epoch != last.epoch or not last.seq or last.seq > known.seq + len(filed):
                 break
-        self._counters.dropped += len(filed)
+        self._counters.replaced += len(filed)
         filed.clear()
         if newest is not None and newest is not before:
             self._accept(newest)
 
     def _accept(self, item: Received[T]) -> None:
         if item.name in self._unseen:
-            self._counters.dropped += 1
+            self._counters.replaced += 1
         self._unseen.add(item.name)
         self._unread.pop(item.name, None)  # so that the longest unread name comes first
         self._newest[item.name] = self._unread[item.name] = item
@@ -116,6 +119,9 @@ class Every(Inbox[T]):
         self._queue.clear()
         return items
 
+    def _displaced(self) -> None:
+        self._counters.dropped += 1
+
     def _sort_key(self, key: str, filed: list[Filed]) -> None:
         for sample in filed:
             item = self._open(key, *sample)
@@ -124,7 +130,7 @@ class Every(Inbox[T]):
 
     def _accept(self, item: Received[T]) -> None:
         if len(self._queue) == self._queue.maxlen:
-            self._counters.dropped += 1
+            self._displaced()
         self._queue.append(item)
 
     def _take(self) -> Received[T] | None:

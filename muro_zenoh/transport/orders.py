@@ -178,7 +178,7 @@ def nobody_answered(verb: Verb[Any], key: str, name: str, timeout: float) -> str
     """
     role = verb.answered_by
     who = "base station" if role is Role.BASESTATION else str(role)
-    process = f"muro {role}"
+    process = f"muro {'run' if role is Role.SUPERVISOR else role}"
     if name:
         who, process = f"{who} of {name}", f"{process} FILE {name}"
     return (

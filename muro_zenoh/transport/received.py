@@ -22,7 +22,8 @@ class Counters:
 
     Attributes:
         received: samples filed.
-        dropped: good or not, they were displaced by newer ones before anybody read them.
+        dropped: good or not, there was no room for them: nobody had read those before them.
+        replaced: the same, where only the newest is kept anyway: a reader that looks now and then misses nothing.
         rejected: they were not what their key promises, or their stamps leapt ahead.
         late: good ones that were stale when they came.
         unsent: the middleware did not take them.
@@ -32,6 +33,7 @@ class Counters:
 
     received: int = 0
     dropped: int = 0
+    replaced: int = 0
     rejected: int = 0
     late: int = 0
     unsent: int = 0

@@ -76,6 +76,10 @@ async def test_robots_without_cameras_and_agents_stand_at_the_side_with_the_reas
         assert await opened.page.locator("#robots strong").all_inner_texts() == ROBOTS
         for line in await opened.page.locator("#aside span").all_inner_texts():
             assert line, "a reason"
+        await opened.page.locator("#stop").click()
+        await opened.page.locator("#receipt.bad", has_text="0 of 2 robots confirmed").wait_for()
+        assert await opened.page.locator("#receipt .missing li").all_inner_texts() == ["r1 no agent", "r2 no agent"]
+        await opened.resume()
         parts.start("sim")  # bases and cameras, no agents
         await opened.sees(ROBOTS)
         await opened.page.locator("#aside", has_text="agent").wait_for()

@@ -200,19 +200,20 @@ async def test_the_counters_add_up(network: Network) -> None:
     out = writer.publisher(channels.VELOCITY, "r1")
     await linked(lambda v: out.put(speed(v)), box)
     counters = reader.counters["velocity"]
-    received, dropped = counters.received, counters.dropped
+    received, replaced = counters.received, counters.replaced
     for i in range(1, 201):
         out.put(speed(i))
         if i % 10 == 0:
             await asyncio.sleep(0.001)
     await until(lambda: counters.received == received + 200, "all of them")
     assert (await within(1, box.next(), "the newest")).message.speed == 200.0
-    assert counters.dropped == dropped + 199  # one was read; the others were displaced
+    assert counters.replaced == replaced + 199  # one was read; the others were displaced
+    assert counters.dropped == 0
     assert counters.rejected == 0
     assert 0.0 <= counters.delay < seconds(1.0)
     numbers = reader.numbers()
     assert numbers["velocity_received"] == counters.received
-    assert numbers["velocity_dropped"] == counters.dropped
+    assert numbers["velocity_replaced"] == counters.replaced
     assert 0.0 <= numbers["velocity_age_s"] < seconds(2.0)
     assert numbers["velocity_delay_s"] == pytest.approx(counters.delay, abs=1e-4)
     assert "velocity_rejected" not in numbers

@@ -137,9 +137,10 @@ async def test_what_is_handed_over_and_displaced_unread_is_counted(network: Netw
     for i in range(10):
         velocity.put(speed(i))
         odometer.put(odometry(i))
-    assert bus.counters["velocity"].dropped == 9
-    assert bus.counters["odometry"].dropped == 6
+    velocities, rows = bus.counters["velocity"], bus.counters["odometry"]
+    assert (velocities.replaced, velocities.dropped) == (9, 0)
+    assert (rows.replaced, rows.dropped) == (0, 6)
     assert (newest.get(), len(bounded.drain())) != (None, 0)
     velocity.put(speed(10.0))
     odometer.put(odometry(10.0))
-    assert (bus.counters["velocity"].dropped, bus.counters["odometry"].dropped) == (9, 6)  # the last ones were read
+    assert (velocities.replaced, rows.dropped) == (9, 6)  # the last ones were read

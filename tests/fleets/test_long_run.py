@@ -15,7 +15,7 @@ from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
 
 ROBOTS = 3
 MINUTE = 60.0
-LOST = ("_rejected", "_dropped", "_late", "_unsent")
+LOST = ("_rejected", "_dropped", "_replaced", "_late", "_unsent")
 
 
 def lost(fleet: MemoryFleet) -> float:

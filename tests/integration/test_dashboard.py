@@ -12,7 +12,7 @@ import pytest
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario, parse_scenario
-from muro_zenoh.messages import SetBehaviour
+from muro_zenoh.messages import PlannedPath, SetBehaviour
 from tests.support.page import TOKENS, PageFleet, page_fleet
 
 
@@ -59,12 +59,18 @@ class TestWhatItShows:
             assert sum(client.state["gaps"].values()) == pytest.approx(2.0 * math.pi, abs=0.01)
             assert client.state["stop"]["all"] is False
             assert {"r1", "r2", "basestation", "simulator", "page"} <= client.state["processes"].keys()
+            assert client.state["processes"]["router"]["alive"], "something comes"
+            await fleet.end("basestation")
+            await fleet.end("r1")
+            await fleet.end("r2")
+            await client.until(lambda: not client.state["processes"]["router"]["alive"], 8.0, "nothing comes")
 
     async def test_a_state_has_what_is_slow_only_when_it_changed(self, fleet: PageFleet) -> None:
         async with fleet.client() as client:
             await client.until(lambda: client.states > 60, 15.0, "states")
             assert client.size / client.states < 1500.0
             assert client.state["processes"]["r1"]["rates"]["pose"] > 5.0
+            assert client.state["processes"]["page"]["drops"] == 0, "what it passes over is not lost"
             assert [number for number, *_ in client.state["events"]] == sorted(
                 {number for number, *_ in client.state["events"]}
             )
@@ -145,10 +151,28 @@ class TestOrders:
             await client.until(lambda: client.details("r1").get("goal") == [0.5, 0.25, 1.5], 5.0, "the goal is shown")
             await client.until(lambda: client.details("r1").get("path"), 5.0, "the path is shown")
             assert len(client.details("r1")["path"]["segments"]) >= 1
+            await client.order("behaviour", behaviour="hold", names=["r1"])
+            await client.until(lambda: not client.details("r1")["path"], 5.0, "a path ends with its behaviour")
+
+    async def test_the_scenarios_own_behaviour_is_begun_with_its_parameters(self) -> None:
+        async with page_fleet(lab(1, "nowhere:own", gain=2.0, far=1.0), agents=[]) as fleet, fleet.client() as client:
+            reply = await client.order("behaviour", behaviour="nowhere:own", parameters={"far": 3.0})
+            assert reply["outcome"] == "taken"
+            await client.until(
+                lambda: client.details("r1").get("parameters") == {"gain": 2.0, "far": 3.0}, 5.0, "the parameters"
+            )
 
     async def test_a_goal_for_a_robot_without_an_agent_is_not_answered(self) -> None:
         async with page_fleet(lab(2), agents=["r1"]) as fleet, fleet.client() as client:
-            reply = await client.order("goal", name="r2", x=0.0, y=0.0)
+            reply = await client.order("behaviour", behaviour="hold")
+            assert (reply["outcome"], reply["reason"]) == ("taken", "no agent is running for r2")
+            async with fleet.bus(Role.AGENT) as dead:  # what it kept for late joiners, it can no longer end
+                path = dead.publisher(channels.PATH, "r2")
+                path.put(PlannedPath(x=0.0, y=0.0, theta=0.0, segments=((1.0, 0.0),)))
+                reply = await client.order("goal", name="r2", x=0.0, y=0.0)
+                before = client.states
+                await client.until(lambda: client.states > before + 6, 5.0, "what is slow")
+                assert client.details("r2")["path"] is None
             assert reply["outcome"] == "unanswered"
             assert "r2 is not alive" in reply["reason"]
             reply = await client.order("goal", name="r7", x=0.0, y=0.0)

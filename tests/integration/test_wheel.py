@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -48,6 +50,25 @@ def test_a_wheel_has_all_that_the_page_loads(wheel: dict[str, bytes]) -> None:
     assert {"main.js", "driving.js", "vendor/msgpack.min.js", "vendor/uPlot.iife.min.js"} <= found
     types_only = {"protocol.js"}
     assert {path.name for path in STATIC.glob("*.*")} - types_only == {name for name in found if "/" not in name}
+
+
+def test_no_wheel_is_built_without_what_the_page_loads(tmp_path: Path) -> None:
+    pytest.importorskip("hatchling", reason="no hatchling, which builds wheels: make setup")
+    for name in ("hatch_build.py", "pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tmp_path)
+    for package in ("muro_zenoh", "agents", "basestation"):
+        (tmp_path / package).mkdir()
+        (tmp_path / package / "__init__.py").touch()
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel"]
+
+    def build(**environment: str) -> subprocess.CompletedProcess[str]:
+        variables = {**os.environ, **environment}
+        return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=60)
+
+    refused = build()
+    assert refused.returncode != 0
+    assert "run `make setup` first" in refused.stderr
+    assert build(MURO_WITHOUT_PAGE="1").returncode == 0
 
 
 def test_a_wheel_has_the_licences_of_the_libraries_in_it(wheel: dict[str, bytes]) -> None:

@@ -423,6 +423,26 @@ def test_what_a_behaviour_shows_is_sent_beside_its_command() -> None:
         assert of(channels.CELL, out) == [Cell(corners=corners, x=0.3, y=0.4)]
 
 
+def test_a_path_ends_with_the_ride_and_a_cell_with_the_behaviour() -> None:
+    """Both are kept for late joiners: what is over would be shown for good."""
+    path = Path(Pose2(0.1, 0.2, 0.3), (Segment(0.5, 0.0),))
+    shows = FORWARD._replace(path=path, cell=ShownCell(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 0.3, 0.4))
+    behaviour = Recorder(shows)
+    loop, _ = converged(behaviour)
+    assert len(of(channels.PATH, loop.update(T0 - 0.1, [], [], NOTHING))) == 1
+    behaviour.intent = FORWARD
+    assert of(channels.PATH, loop.update(T0, [], [], NOTHING)) == []
+    behaviour.intent = hold("no goal")
+    out = loop.update(T0 + 0.05, [], [], NOTHING)
+    assert [message.segments for message in of(channels.PATH, out)] == [()]
+    assert of(channels.CELL, out) == []
+    loop.behave(None)
+    out = loop.want(T0 + 0.1, hold("the behaviour is changing"))
+    assert of(channels.PATH, out) == []
+    assert [message.corners for message in of(channels.CELL, out)] == [()]
+    assert of(channels.CELL, loop.want(T0 + 0.15, hold("again"))) == []
+
+
 def test_a_reason_beside_a_twist_holds_nobody() -> None:
     loop, _ = converged(Recorder(FORWARD._replace(reason="slow here")))
     assert commands(loop.update(T0, [], [], NOTHING)) == [(pytest.approx(0.25), 0.0)]

@@ -21,13 +21,15 @@ from basestation.dashboard.offer import Offer, listen, offer, tokens_beside
 from basestation.dashboard.pictures import Rectifier
 from basestation.dashboard.processes import Processes
 from basestation.dashboard.requests import BadMessage, read_order
+from basestation.dashboard.ring import RingOf
 from basestation.dashboard.watching import state_of
 from basestation.localization.floor_map import FloorMap
 from muro_zenoh.behaviours import table
 from muro_zenoh.config import Scenario, parse_scenario, read_parameters
 from muro_zenoh.config.cameras import camera_model
 from muro_zenoh.errors import ConfigError, MissingExtra
-from muro_zenoh.messages import Frame, Health, RobotState, StopOrder
+from muro_zenoh.geometry import Circle
+from muro_zenoh.messages import Behaviour, Frame, Goal, Health, RobotState, StopOrder
 from muro_zenoh.optics.jpeg import encode_jpeg
 from muro_zenoh.transport import Received
 
@@ -182,6 +184,21 @@ class TestDescribing:
                     with pytest.raises(ConfigError, match=key):
                         read_parameters(kind, wrong, "page")
 
+    def test_the_scenarios_own_behaviour_is_offered_with_the_parameters_of_its_table(self) -> None:
+        own = {"name": "flock:flock", "gain": 2, "near": True, "rows": [1.0, 2.0], "colour": "red"}
+        described = describe(parse_scenario({"robots": 1, "behaviour": own}, "lab.toml", name="lab"))["behaviours"]
+        assert {*table.names(), "flock:flock"} == described.keys()
+        flock = described["flock:flock"]
+        assert {key: (one["type"], one["default"]) for key, one in flock["parameters"].items()} == {
+            "gain": ("number", 2),
+            "near": ("boolean", True),
+            "rows": ("array", [1.0, 2.0]),
+            "colour": ("text", "red"),
+        }
+        assert flock["parameters"]["gain"].keys() == described["circle"]["parameters"]["speed"].keys()
+        assert {"circle"} < {*flock["needs"]}
+        assert "goal" not in flock["needs"]
+
     def test_cameras_see_the_floor(self) -> None:
         described = describe(lab())["cameras"]
         corners = np.array(described["north"]["outline"])
@@ -196,6 +213,8 @@ class TestDescribing:
         assert faults["camera_dropout"]["targets"] == ["camera", "camera/north", "camera/south"]
         assert faults["delay"]["parameters"].keys() == {"delay", "direction"}
         assert faults["delay"]["parameters"]["delay"]["at_most"] == 10.0
+        assert faults["delay"]["parameters"]["delay"]["required"]
+        assert not faults["carry"]["parameters"]["x"]["required"]
 
 
 class TestFrames:
@@ -289,6 +308,14 @@ def test_events_are_changes_and_not_ages() -> None:
     events.stop(2.0, StopOrder(all=False))
     events.stop(3.0, StopOrder(all=True))
     events.stop(4.0, StopOrder(all=False))
+    for _ in range(2):
+        events.behaviour(5.0, "r1", Behaviour(behaviour="circle", parameters={"speed": 0.1}))
+        events.circle(5.0, Circle(0.0, 0.0, 0.8))
+    events.behaviour(6.0, "r1", None)
+    events.behaviour(6.0, "r1", Behaviour(behaviour="dubins"))
+    events.circle(6.0, Circle(0.5, 0.0, 0.6, clockwise=True))
+    events.goal(7.0, "r1", Goal(x=1.0, y=-0.5, theta=math.pi / 2))
+    events.goal(7.0, "r1", Goal(x=1.0, y=-0.5))
     frames.set_state(0.0, {})
     assert [text for *_, text in msgpack.unpackb(frames.since(-1))["events"]] == [
         "holding: no pose for 0.3 s",
@@ -296,7 +323,21 @@ def test_events_are_changes_and_not_ages() -> None:
         "agent is gone",
         "stop: every robot",
         "no robot is stopped any longer",
+        "behaviour circle with speed = 0.1",
+        "behaviour dubins",
+        "circle round (0.50, 0.00) m, radius 0.60 m, clockwise",
+        "goal (1.00, -0.50) m, heading 90°",
+        "goal (1.00, -0.50) m",
     ]
+
+
+def test_robots_spread_evenly_or_by_the_importance() -> None:
+    ring = RingOf(lab())
+    evenly = Behaviour(behaviour="pursuit")
+    table = {"pursuit": "importance", "angles": [0.0, 3.0], "weights": [1.0, 2.0]}
+    weighted = Behaviour(behaviour="pursuit", parameters=table)
+    assert ring.spreading({"r1": evenly, "r2": Behaviour(behaviour="hold")}) == ["r1"]
+    assert ring.spreading({"r1": weighted, "r2": weighted}) == ["r1", "r2"]
 
 
 def test_processes_with_what_they_use() -> None:
@@ -324,6 +365,20 @@ def test_processes_with_what_they_use() -> None:
     }
     assert found["basestation"]["age"] is None
     assert rows.rows(103.0, {"r1": Received("r1", then, 102.0, 0.0, 0.0)}, set())["r1"]["alive"] is False
+
+
+def test_processes_that_were_never_started_are_missing() -> None:
+    rows = Processes(["r1", "r2"], ["north"])
+    health = Health(stamp=100.0, role="agent", state="x")
+    found = rows.rows(100.0, {"r1": Received("r1", health, 100.0, 0.0, 0.0)}, {("agent", "r1"), ("base", "r2")})
+    assert {name: (row["role"], row["state"], row["alive"]) for name, row in found.items()} == {
+        "north": ("camera", "missing", False),
+        "r1": ("agent", "x", True),
+        "r2": ("agent", "missing", False),
+        "r2/base": ("base", "", True),
+    }
+    assert found["r2"].keys() == found["r1"].keys()
+    assert "north" not in rows.rows(101.0, {}, {("simulator", "simulator")}), "the simulator films"
 
 
 @pytest.mark.parametrize("camera", ["north", "south"])

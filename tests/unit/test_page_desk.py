@@ -438,3 +438,21 @@ async def test_a_wish_by_what_was_seen_long_ago_drives_nobody(there: Lab) -> Non
     await asyncio.sleep(0.001)
     assert sent() == [0.0]
     assert 12 not in page.client.replies
+
+
+@virtual
+async def test_an_order_to_break_something_says_what_is_wrong_with_it(there: Lab) -> None:
+    page, run = Page(there), await there.join()
+    for role in (Role.SUPERVISOR, Role.SIMULATOR):
+        run.announce(role, "muro")
+    await asyncio.sleep(0.1)
+    reasons = (
+        ({"kind": "carry", "target": "r1", "duration": 1.0}, "refused", "no way and no angle"),
+        ({"kind": "crash", "target": "router"}, "unanswered", "would have come over the router"),
+        ({"kind": "crash", "target": "r1/agent"}, "unanswered", "Is `muro run` running"),
+    )
+    for number, (order, outcome, reason) in enumerate(reasons):
+        page.order("break", number, **order)
+        await asyncio.sleep(10.0)
+        assert page.client.replies[number]["outcome"] == outcome
+        assert reason in page.client.replies[number]["reason"]

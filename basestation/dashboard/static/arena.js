@@ -98,7 +98,7 @@ export class Arena {
     const followed = fleet.robots.get(view.followed);
     if (followed?.placed) view.centre(followed.x, followed.y);
     const robots = [...fleet.robots.values()];
-    const covered = this.pictures.on && this.pictures.draw(context, view);
+    const covered = this.pictures.on && this.pictures.draw(context, view, fleet.state?.t ?? 0);
     drawFloor(context, view, palette, hello.arena, covered);
     drawCameras(context, view, palette, hello.cameras);
     drawPlans(context, view, palette, robots, this.selected);

@@ -75,6 +75,8 @@ export class BehaviourPanel {
   }
 
   #stateInWords() {
+    const running = this.#running();
+    if (running && !(running in (this.fleet.hello?.behaviours ?? {}))) return `Running ${running}, from elsewhere.`;
     if (!this.#isRunning()) return "";
     if (!this.#isLive()) return `Running with different parameters; here are those of ${this.#like()?.name}.`;
     const parameters = this.fleet.hello?.behaviours[this.#what.value]?.parameters ?? {};

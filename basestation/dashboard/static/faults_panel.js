@@ -15,6 +15,7 @@ export class FaultsPanel {
     name: "duration",
     inputMode: "decimal",
   });
+  #right = element("p", { className: "hint" });
   #doc = element("p", { className: "hint" });
   #lasting = element("ul", { className: "lasting", ariaLabel: "Broken now" });
   #rows = element("pre", { tabIndex: 0 });
@@ -48,6 +49,7 @@ export class FaultsPanel {
         "div",
         { className: "bar" },
         element("label", { className: "inline" }, "for [s]", this.#duration),
+        this.#right,
         element("button", { type: "submit", className: "main", textContent: "Break it" }),
       ),
       this.#lasting,
@@ -75,6 +77,7 @@ export class FaultsPanel {
       this.#what.replaceChildren(...choices);
       this.#show();
       for (const field of this.form.elements) Reflect.set(field, "disabled", !maySteer);
+      say(this.#right, maySteer ? "" : "You may watch, and stop.");
     }
     say(this.#rows, faults.rows || "Nothing was broken in this run.");
     this.#save.disabled = !faults.rows;

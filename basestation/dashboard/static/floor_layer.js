@@ -28,6 +28,10 @@ export const room = ({ width }) => Math.min(1.6, Math.max(1, width / 1050));
 /** More robots than that leave no room for the values of their gaps. */
 const MOST_GAPS = 24;
 
+/** Where along a gap its value may stand, the best first; and the room that it needs round its middle [px]. */
+const VALUE_AT = [0.5, 0.35, 0.65, 0.2, 0.8];
+const VALUE_ROOM = 14;
+
 /**
  * The floor, with a grid.
  *
@@ -208,16 +212,29 @@ export function drawGaps(context, view, palette, fleet, circle) {
     context.lineWidth = 1;
     context.stroke();
     context.globalAlpha = 1;
-    const middle = from + (sense * gap) / 2;
-    halo(
-      context,
-      palette,
-      `${Math.round((gap * 180) / Math.PI)}°`,
-      x + (inner - 2) * Math.cos(middle),
-      y - (inner - 2) * Math.sin(middle),
-      palette.muted,
-    );
+    const value = VALUE_AT.map((part) => {
+      const angle = from + sense * part * gap;
+      return { x: x + (inner - 2) * Math.cos(angle), y: y - (inner - 2) * Math.sin(angle) };
+    });
+    const free = value.find((place) => !isCovered(place, view, fleet)) ?? value[0];
+    if (free === undefined) continue;
+    halo(context, palette, `${Math.round((gap * 180) / Math.PI)}°`, free.x, free.y, palette.muted);
   }
+}
+
+/**
+ * Whether a robot, which is drawn later, would cover a value.
+ *
+ * @param {{x: number, y: number}} place  of the value [px]
+ * @param {View} view
+ * @param {Fleet} fleet
+ */
+function isCovered(place, view, fleet) {
+  for (const { placed, x, y, facts } of fleet.robots.values()) {
+    const far = facts.radius * view.scale + VALUE_ROOM;
+    if (placed && Math.hypot(view.px(x) - place.x, view.py(y) - place.y) < far) return true;
+  }
+  return false;
 }
 
 /**

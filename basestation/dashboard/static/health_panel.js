@@ -7,6 +7,9 @@ import { amount, clock, figure } from "./words.js";
 
 const COLUMNS = ["process", "age", "CPU", "memory", "rate", "drops", "rejects"];
 
+/** Each reports once a second; one that is silent for longer may be frozen [s]. */
+const SILENT = 3;
+
 export class HealthPanel {
   #table = element("tbody", {});
   #events = element("ol", { className: "events" });
@@ -37,15 +40,19 @@ export class HealthPanel {
     );
   }
 
-  /** Show what is new; nothing while nobody can see it. */
-  update() {
+  /**
+   * Show what is new; nothing while nobody can see it.
+   *
+   * @param {boolean} live  whether what is shown is what is.
+   */
+  update(live) {
     if (this.panel.hidden) return;
     const { processes, events } = this.fleet;
     if (Object.keys(processes).join() !== [...this.#rows.keys()].join()) {
       this.#rows = new Map(Object.keys(processes).map((name) => [name, new ProcessRows(name)]));
       this.#table.replaceChildren(...[...this.#rows.values()].flatMap(({ row, more }) => [row, more]));
     }
-    for (const [name, rows] of this.#rows) rows.show(/** @type {ProcessReport} */ (processes[name]));
+    for (const [name, rows] of this.#rows) rows.show(/** @type {ProcessReport} */ (processes[name]), live);
     const newest = `${events[0]} ${events.length}`;
     if (newest === this.#shownEvents) return;
     this.#shownEvents = newest;
@@ -85,13 +92,18 @@ class ProcessRows {
     );
   }
 
-  /** @param {ProcessReport} report */
-  show({ alive, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }) {
-    this.#sign.className = alive ? "alive" : "dead";
-    say(this.#sign, alive ? "" : "gone");
+  /**
+   * @param {ProcessReport} report
+   * @param {boolean} live  whether it is what is.
+   */
+  show({ alive, state, age, cpu, memory, rates = {}, ages = {}, drops, rejects, reasons = [], complaints = [] }, live) {
+    // One that lives and does not say how it is may be frozen: that is no green.
+    const silent = age === null || age === undefined || age > SILENT;
+    this.#sign.className = !alive ? "dead" : silent || !live ? "silent" : "alive";
+    say(this.#sign, alive ? "" : state === "missing" ? "missing" : "gone");
     const fastest = Math.max(...Object.values(rates), -Infinity);
     const words = [
-      amount(age, 1, "s"),
+      live ? amount(age, 1, "s") : "old",
       amount(cpu, 0, "%"),
       amount(memory, 0, "MB"),
       Number.isFinite(fastest) ? `${figure(fastest, 0)} Hz` : "–",
@@ -99,7 +111,14 @@ class ProcessRows {
       figure(rejects, 0),
     ];
     words.forEach((text, index) => say(/** @type {Element} */ (this.#cells[index]), text));
-    say(this.#wrong, [...complaints, ...reasons].join("; "));
+    // A run, or a program of the lab's own, need not report anything; one that did and does no longer is in trouble.
+    const unreported = alive && (age === null || age === undefined);
+    const frozen = alive && silent && !unreported ? ["it lives, and is silent"] : [];
+    say(
+      this.#wrong,
+      unreported ? "lives; it reports nothing of itself" : [...frozen, ...complaints, ...reasons].join("; "),
+    );
+    this.#wrong.className = unreported ? "hint" : "wrong";
     const inputs = Object.entries(rates).map(([word, rate]) => {
       const old = ages[word];
       const rest = old === undefined ? "" : `, ${figure(old, 2)} s old`;

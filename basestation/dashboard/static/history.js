@@ -47,6 +47,14 @@ export class History {
     return this.#samples.get(name)?.[quantity] ?? this.times.map(() => null);
   }
 
+  /** All of it as it is now; what comes later does not change it. @returns {History} */
+  copy() {
+    const made = new History();
+    made.times = [...this.times];
+    made.#samples = structuredClone(this.#samples);
+    return made;
+  }
+
   /** @returns {Record<Quantity, (number | null)[]>} */
   #empty() {
     /** @type {(number | null)[]} */
@@ -76,16 +84,40 @@ export class History {
  */
 function measure(fleet, name, even) {
   const robot = fleet.robots.get(name);
-  const gap = fleet.gaps[name];
   const { circle } = fleet;
   const seen = robot !== undefined && robot.placed && robot.condition !== "lost";
+  const gap = robot && circle && massOf(robot, circle, fleet.gaps[name]);
   const { latency = null, pose_age = null } = robot?.details ?? {};
   return {
-    spacing: gap === undefined ? null : ((gap - even) * 180) / Math.PI,
+    spacing: gap === undefined || gap === null ? null : ((gap - even) * 180) / Math.PI,
     distance: seen && circle !== null ? Math.hypot(robot.x - circle.x, robot.y - circle.y) - circle.radius : null,
     command: robot?.command[0] ?? null,
     speed: seen ? robot.v : null,
     age: pose_age === null ? null : 1000 * pose_age,
     latency: latency === null ? null : 1000 * latency,
   };
+}
+
+/**
+ * A gap as it counts: where the circle is more important, robots are to be closer to each other.
+ *
+ * @param {import("./fleet.js").Robot} robot  behind the gap.
+ * @param {import("./protocol.js").Circle} circle
+ * @param {number | undefined} gap  [rad]
+ * @returns {number | undefined} the importance (its mean is 1) summed over the gap [rad].
+ */
+function massOf(robot, circle, gap) {
+  const { importance } = circle;
+  if (gap === undefined || !importance) return gap;
+  const from = Math.atan2(robot.y - circle.y, robot.x - circle.x);
+  const steps = importance.length;
+  const step = ((circle.clockwise ? -1 : 1) * gap) / steps;
+  let mass = 0;
+  for (let k = 0; k < steps; k++) {
+    const at = ((from + (k + 0.5) * step) / (2 * Math.PI)) * steps;
+    const index = Math.floor(at);
+    const [low, high] = [index, index + 1].map((i) => importance[((i % steps) + steps) % steps] ?? 1);
+    mass += /** @type {number} */ (low) + (at - index) * /** @type {number} */ (high - /** @type {number} */ (low));
+  }
+  return (mass / steps) * gap;
 }

@@ -22,16 +22,24 @@ export class Link {
     this.#connection = connection;
   }
 
-  /** @returns {boolean} whether what is shown is what is. */
-  update() {
+  /**
+   * @param {boolean} reached  whether the base station hears anything of the fleet.
+   * @returns {boolean} whether what is shown is what is.
+   */
+  update(reached) {
     const { open, heard, retryAt, refusal } = this.#connection;
     const now = performance.now();
     const silent = (now - heard) / 1000;
-    const live = open && now - heard < OLD;
+    const comes = open && now - heard < OLD;
+    const live = comes && reached;
     const known = Number.isFinite(heard);
     const age = amount(silent, silent < 10 ? 1 : 0, "s");
     let [state, words, wordsAge, why, more] = ["live", "Live", "", "", ""];
-    if (open && !live) {
+    if (comes && !reached) {
+      [state, words] = ["old", "Old"];
+      why =
+        "Nothing comes from the fleet: its router is gone, or the base station is frozen. This is what was seen last.";
+    } else if (open && !live) {
       [state, words, wordsAge] = ["old", "Old", age];
       [why, more] = ["Nothing comes from the base station. This is what was seen last.", `Last heard ${age} ago.`];
     } else if (!open && refusal) {

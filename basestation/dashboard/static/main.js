@@ -34,9 +34,16 @@ function start() {
   if (messagePack === null || uPlot === null) {
     say(
       at("veil-words"),
-      "The page's libraries are not installed: run `make setup`, then load it again. `muro stop` works without them.",
+      "The page's libraries are missing. In a clone of the project run `make setup`; a wheel without them is broken: " +
+        "install another one. Until then use `muro stop` and the other commands.",
     );
     at("veil").hidden = false;
+    say(at("link-words"), "Not working");
+    // What looks alive and is not would be pressed in an emergency.
+    const stop = byId("stop", HTMLButtonElement);
+    stop.disabled = true;
+    say(stop, "Stop does not work here");
+    at("desk").inert = true;
     return;
   }
   const fleet = new Fleet();
@@ -78,7 +85,14 @@ function start() {
     setGoal: (x, y, theta) => card.sendTo(x, y, theta),
     moveCircle: (moved) => circle.give(moved),
   });
-  look(arena, pictures, fleet);
+  look(arena, async () => {
+    const on = !pictures.on;
+    at("pictures").ariaPressed = String(on);
+    const replies = await askForPictures(on);
+    const worst = replies.find(({ outcome }) => outcome !== "taken") ?? replies[0];
+    const none = { outcome: /** @type {const} */ ("refused"), reason: "there are no cameras" };
+    orders.notice(`Pictures of the cameras ${on ? "on" : "off"}`, worst ?? none);
+  });
   setInterval(show, READING);
   window.addEventListener("hashchange", () => location.reload()); // another token
 
@@ -89,7 +103,7 @@ function start() {
       arena.view.showArena(message.arena);
       at("tab-faults").hidden = !message.simulated;
       say(at("where"), [message.scenario, message.realm].filter(Boolean).join(" · "));
-      if (pictures.on) pictures.want(Object.keys(message.cameras), true);
+      if (pictures.on) void askForPictures(true);
       show();
     } else if (message.kind === "state") {
       fleet.take(message);
@@ -102,6 +116,11 @@ function start() {
     } else {
       orders.notice(message.order ? `A late answer to ${message.order}` : "A message", message);
     }
+  }
+
+  /** @param {boolean} on */
+  function askForPictures(on) {
+    return pictures.want(Object.keys(fleet.hello?.cameras ?? {}), on, fleet.state?.t ?? 0);
   }
 
   /** @param {boolean} open */
@@ -126,18 +145,18 @@ function start() {
   function recolour() {
     palette.read();
     arena.redraw();
-    plots.update(true);
+    plots.update();
   }
 
   function show() {
-    const live = link.update();
+    const live = link.update(fleet.processes.router?.alive ?? true);
     stop.update();
     list.update(arena.selected);
     card.update();
     behaviours.update();
     circle.update();
     if (live) plots.update();
-    health.update();
+    health.update(live);
     faults.update();
     say(
       at("held"),
@@ -146,6 +165,7 @@ function start() {
         .join("; "),
     );
     say(at("hint"), hint());
+    say(at("silent"), pictures.silent(fleet.state?.t ?? 0).join("; "));
     arena.canvas.classList.toggle("aiming", maySetGoal());
     document.body.dataset.driving = driving.name;
   }
@@ -187,10 +207,9 @@ function start() {
  * The buttons that change how the arena is looked at.
  *
  * @param {Arena} arena
- * @param {Pictures} pictures
- * @param {Fleet} fleet
+ * @param {() => void} switchPictures  on or off.
  */
-function look(arena, pictures, fleet) {
+function look(arena, switchPictures) {
   /** @param {string} id @param {() => void} does */
   const on = (id, does) => {
     at(id).onclick = () => {
@@ -201,10 +220,7 @@ function look(arena, pictures, fleet) {
   on("zoom-in", () => arena.view.zoom(1.4));
   on("zoom-out", () => arena.view.zoom(1 / 1.4));
   on("all", () => arena.view.fit());
-  on("pictures", () => {
-    pictures.want(Object.keys(fleet.hello?.cameras ?? {}), !pictures.on);
-    at("pictures").ariaPressed = String(pictures.on);
-  });
+  on("pictures", switchPictures);
 }
 
 start();

@@ -32,6 +32,7 @@ export class ParameterForm {
     for (const [key, parameter] of Object.entries(table)) {
       const field = fieldOf(parameter, key in values ? values[key] : parameter.default);
       field.name = key;
+      field.required = parameter.required ?? false;
       field.onchange = () => {
         this.#showThoseThatApply();
         if (field.checkValidity() && parse(field, parameter) !== undefined) this.changed();
@@ -39,7 +40,7 @@ export class ParameterForm {
       };
       const unit = parameter.unit ? ` [${parameter.unit}]` : "";
       const doc = (parameter.doc ?? "").replaceAll("``", "").replace(unit, "");
-      const label = element("label", { title: doc }, element("span", {}, key.replaceAll("_", " ") + unit), field);
+      const label = element("label", { title: doc }, element("span", {}, inWords(key) + unit), field);
       if (doc) label.append(element("small", {}, doc));
       this.where.append(label);
       this.#fields.set(key, field);
@@ -81,6 +82,9 @@ export class ParameterForm {
     }
   }
 }
+
+/** A key as one reads it; a symbol such as k_o or v_min stays as it is in the laws. @param {string} key */
+const inWords = (key) => (/(^|_)[a-z0-9](_|$)|_\d/.test(key) ? key : key.replaceAll("_", " "));
 
 /**
  * @param {Parameter} parameter

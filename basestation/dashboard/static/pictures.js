@@ -1,6 +1,11 @@
 /** What the cameras see, under the robots: asked for only while it is wanted. */
 
+import { figure } from "./words.js";
+
 /** @typedef {import("./protocol.js").Box} Box */
+
+/** Two a second come; one that is older than this says little about now, and looks it [s]. */
+const OLD = 2;
 
 /** How long it is remembered where the robots were [s]: a picture is some time under way. */
 const REMEMBERED = 2;
@@ -11,6 +16,8 @@ export class Pictures {
   /** Whether they are wanted. */
   on = false;
 
+  /** When the pictures of each camera were asked for. @type {Map<string, number>} */
+  #asked = new Map();
   /** @type {Map<string, {image: ImageBitmap, area: Box, t: number}>} */
   #newest = new Map();
   /** Where each robot was, and when. @type {Map<string, Place[]>} */
@@ -34,11 +41,30 @@ export class Pictures {
    *
    * @param {string[]} cameras
    * @param {boolean} on
+   * @param {number} now  [s]
+   * @returns {Promise<import("./protocol.js").Reply[]>} the answer about each camera.
    */
-  want(cameras, on) {
+  want(cameras, on, now) {
     this.on = on;
-    for (const camera of cameras) void this.#connection.ask({ order: "picture", camera, on });
+    this.#asked = new Map(on ? cameras.map((camera) => [camera, now]) : []);
     if (!on) this.#newest.clear();
+    return Promise.all(cameras.map((camera) => this.#connection.ask({ order: "picture", camera, on })));
+  }
+
+  /**
+   * Which cameras send nothing now.
+   *
+   * @param {number} now  [s]
+   * @returns {string[]}
+   */
+  silent(now) {
+    const found = [];
+    for (const [camera, asked] of this.#asked) {
+      const newest = this.#newest.get(camera);
+      const age = now - (newest?.t ?? asked);
+      if (age > OLD) found.push(`camera ${camera}: ${newest ? `picture ${figure(age, 0)} s old` : "no picture yet"}`);
+    }
+    return found;
   }
 
   /**
@@ -69,16 +95,19 @@ export class Pictures {
   /**
    * @param {CanvasRenderingContext2D} context
    * @param {import("./view.js").View} view
+   * @param {number} now  [s]
    * @returns {boolean} whether there was one to draw.
    */
-  draw(context, view) {
-    for (const { image, area } of this.#newest.values()) {
+  draw(context, view, now) {
+    for (const { image, area, t } of this.#newest.values()) {
       const [left, bottom, right, top] = area;
       // What a camera does not see is black: where two overlap, the brighter is the one that sees it.
       context.globalCompositeOperation = "lighten";
+      context.globalAlpha = now - t > OLD ? 0.3 : 1;
       context.drawImage(image, view.px(left), view.py(top), (right - left) * view.scale, (top - bottom) * view.scale);
     }
     context.globalCompositeOperation = "source-over";
+    context.globalAlpha = 1;
     return this.#newest.size > 0;
   }
 

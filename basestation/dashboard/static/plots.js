@@ -3,7 +3,7 @@
 import { element } from "./dom.js";
 import { FONT } from "./floor_layer.js";
 import { uPlot } from "./vendor.js";
-import { clock } from "./words.js";
+import { clock, figure as figureOf } from "./words.js";
 
 /** @typedef {import("./history.js").Quantity} Quantity */
 /** @typedef {import("uplot")} UPlot */
@@ -21,18 +21,21 @@ import { clock } from "./words.js";
 const CHARTS = [
   { title: "Spacing error", unit: "°", digits: 1, quantities: ["spacing"], least: 10 },
   { title: "Distance from the circle", unit: "m", digits: 3, quantities: ["distance"], least: 0.05 },
-  { title: "Speed, and commanded (dashed)", unit: "m/s", digits: 2, quantities: ["speed", "command"], least: 0.1 },
+  { title: "Speed / commanded (dashed)", unit: "m/s", digits: 2, quantities: ["speed", "command"], least: 0.1 },
   { title: "Age of the pose", unit: "ms", digits: 0, quantities: ["age"], least: 50 },
   { title: "Pose to command", unit: "ms", digits: 1, quantities: ["latency"], least: 5 },
 ];
 
 const HEIGHT = 112;
 
+/** So many robots are read on a line under the title, of this height [em]: with one value each, or with more. */
+const ON_A_LINE = [4, 3];
+const LINE_HEIGHT = 1.5;
+
 /** More lines than colours cannot be told apart. */
 const MOST = 6;
 
 export class Plots {
-  frozen = false;
   /** The robots that are shown. @type {string[]} */
   #chosen = [];
   /** What the plots were made for. */
@@ -53,6 +56,7 @@ export class Plots {
   constructor(panel, fleet, history, palette) {
     this.panel = panel;
     this.fleet = fleet;
+    /** What is shown: the history itself, or as it was when it was frozen. */
     this.history = history;
     this.palette = palette;
     const freeze = element("button", {
@@ -62,24 +66,21 @@ export class Plots {
       ariaPressed: "false",
     });
     freeze.onclick = () => {
-      this.frozen = !this.frozen;
-      freeze.textContent = this.frozen ? "Unfreeze" : "Freeze";
-      freeze.ariaPressed = String(this.frozen);
+      const frozen = this.history === history;
+      this.history = frozen ? history.copy() : history;
+      freeze.textContent = frozen ? "Unfreeze" : "Freeze";
+      freeze.ariaPressed = String(frozen);
+      this.update();
     };
     this.#picker = element("fieldset", { className: "picker" });
     this.#charts = element("div", { className: "charts" });
     panel.append(element("div", { className: "bar" }, this.#picker, freeze), this.#charts);
-    new ResizeObserver(() => this.update(true)).observe(this.#charts);
+    new ResizeObserver(() => this.update()).observe(this.#charts);
   }
 
-  /**
-   * Draw what is new; nothing while nobody can see it.
-   *
-   * @param {boolean} [anyway]  also when frozen.
-   */
-  update(anyway = false) {
+  /** Draw what is new; nothing while nobody can see it. */
+  update() {
     if (this.panel.hidden || this.#charts.clientWidth === 0 || uPlot === null) return;
-    if (this.frozen && !anyway) return;
     this.#offer();
     const made = `${this.#chosen} ${this.#charts.clientWidth} ${this.palette.ink}`;
     if (made !== this.#made) {
@@ -113,7 +114,7 @@ export class Plots {
         // The one that was chosen first makes room.
         this.#chosen = chosen.slice(-MOST);
         this.#tick();
-        this.update(true);
+        this.update();
       };
       this.#picker.append(label);
     }
@@ -143,8 +144,13 @@ export class Plots {
    */
   #chart({ title, unit, digits, quantities, least }) {
     const { palette } = this;
+    // Its lines are there before there is anything to read: a chart must not move away from under the pointer.
+    const lines = Math.ceil(this.#chosen.length / (ON_A_LINE[quantities.length > 1 ? 1 : 0] ?? 1));
     const readout = element("span", { className: "readout" });
-    const figure = element("figure", {}, element("figcaption", {}, element("span", {}, `${title} [${unit}]`), readout));
+    readout.style.height = `${LINE_HEIGHT * lines}em`;
+    const time = element("time", {});
+    const caption = element("figcaption", {}, element("span", {}, `${title} [${unit}]`), time, readout);
+    const figure = element("figure", {}, caption);
     this.#charts.append(figure);
     const axis = {
       stroke: palette.muted,
@@ -183,11 +189,17 @@ export class Plots {
             (plot) => {
               const at = plot.cursor.idx;
               readout.replaceChildren();
+              const t = at === null || at === undefined ? undefined : plot.data[0][at];
+              time.textContent = t === undefined ? "" : clock(t);
               if (at === null || at === undefined) return;
               this.#chosen.forEach((name, index) => {
-                const value = plot.data[1 + index * quantities.length]?.[at];
-                if (typeof value !== "number") return;
-                const item = element("span", {}, `${name} ${value.toFixed(digits)}`);
+                const values = quantities.map((_, second) => plot.data[1 + index * quantities.length + second]?.[at]);
+                if (values.every((value) => typeof value !== "number")) return;
+                const item = element(
+                  "span",
+                  {},
+                  `${name} ${values.map((value) => figureOf(value, digits)).join(" / ")}`,
+                );
                 item.dataset.series = String(index + 1);
                 readout.append(item);
               });

@@ -15,6 +15,7 @@
  * @typedef {object} Parameter  A parameter of a behaviour or a fault, with its limits.
  * @property {"number" | "integer" | "boolean" | "text" | "array" | "choice"} type
  * @property {any} default
+ * @property {boolean} [required]  there is no default.
  * @property {string} [unit]
  * @property {number | null} [at_least]
  * @property {number | null} [above]

@@ -5,6 +5,15 @@ import { amount, figure } from "./words.js";
 
 /** @typedef {import("./protocol.js").Reply} Reply */
 
+/** What is known of a robot that nobody has heard of. */
+const UNKNOWN = {
+  status: "no agent",
+  latched_after_s: null,
+  at_rest_after_s: null,
+  travelled_m: null,
+  silent_s: null,
+};
+
 export class Receipt {
   /** @type {HTMLElement} */
   #where;
@@ -31,18 +40,20 @@ export class Receipt {
    *
    * @param {Reply} reply
    * @param {boolean} owed  whether it is sent again.
+   * @param {string[]} names  who was to stop; one that the receipt does not know of has not.
    */
-  report({ outcome, reason, receipt }, owed) {
+  report({ outcome, reason, receipt }, owed, names) {
     if (!receipt) {
       const words = outcome === "refused" ? "The stop was refused" : "The stop was not answered";
       const again = owed ? " It is sent again when there is a new connection." : "";
       this.show("bad", `${words}${reason ? `: ${reason}` : ""}.${again} Switch the robots off if they drive.`);
       return;
     }
-    const rows = Object.entries(receipt.robots);
+    const unknown = names.filter((name) => !(name in receipt.robots));
+    const rows = Object.entries({ ...receipt.robots, ...Object.fromEntries(unknown.map((name) => [name, UNKNOWN])) });
     const resting = rows.filter(([, { status }]) => status === "stopped");
     const times = resting.map(([, row]) => row.at_rest_after_s ?? 0);
-    if (receipt.confirmed) {
+    if (receipt.confirmed && unknown.length === 0) {
       const longest = times.length ? ` within ${figure(Math.max(...times), 2)} s` : "";
       this.show(
         "good",

@@ -79,7 +79,7 @@ export class StopDesk {
     if (asked !== this.#asked.get(key)) return;
     if (!names.length) this.#label("space or Esc");
     if (reply.receipt) this.#settle(names);
-    receipt.report(reply, this.#owed.has(key));
+    receipt.report(reply, this.#owed.has(key), names.length ? names : [...this.fleet.robots.keys()]);
   }
 
   /** A stop of these robots, or of all, is owed no longer. @param {string[]} names */

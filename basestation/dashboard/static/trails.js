@@ -48,8 +48,12 @@ export class Trails {
     for (let piece = 0; piece < PIECES; piece++) {
       context.beginPath();
       for (const robot of robots) if (robot.name !== selected) this.#trace(context, view, robot, piece);
-      context.globalAlpha = 0.14 + 0.14 * piece;
-      context.strokeStyle = palette.muted;
+      // Light round dark, or dark round light: it is seen on the circle's line and on pictures, too.
+      context.globalAlpha = 0.3 + 0.2 * piece;
+      context.strokeStyle = palette.floor;
+      context.lineWidth = 5;
+      context.stroke();
+      context.strokeStyle = palette.ink;
       context.lineWidth = 2.5;
       context.stroke();
       const robot = selected ? [...robots].find(({ name }) => name === selected) : undefined;
