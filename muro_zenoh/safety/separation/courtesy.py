@@ -19,7 +19,8 @@ _GONE: Final = 0.45
 """... until they are further than the distance to keep and this [m] ..."""
 _LEAST: Final = 4.0
 _MOST: Final = 7.0
-"""... but for so long at least and at most [s]; then it goes back, and for as long as the least makes no room."""
+"""... but for this time at least and at most [s]. Then it goes back, and makes no room for the least time as often as
+it has made room already: robots that are in each other's way would make room in turns for ever."""
 _STEP: Final = 0.4
 """How far it goes [m]."""
 _PARKED: Final = 0.8
@@ -48,6 +49,7 @@ class Courtesy:
         self._home: Point | None = None
         self._yields: _Yield | None = None
         self._again = -math.inf
+        self._times = 0
         self.returns = False
         """Whether the robot goes back to where it was parked."""
 
@@ -70,18 +72,20 @@ class Courtesy:
         home = self._home
         if home is None or (target is not None and math.dist(home, target) > 0.01) or math.dist(home, here) > _PARKED:
             self._home = self._yields = None
+            self._times = 0
             self.returns = False
             return None
         self.returns = not rests and target is not None
         if self._yields is None and rests and now >= self._again:
             self._yields = self._asked(now, state, near, inside)
+            self._times += self._yields is not None
         if self._yields is None:
             return None
         other, spot, since = self._yields
         there = next((one for one in near if one.name == other), None)
         gone = there is None or math.hypot(there.x - state.x, there.y - state.y) > there.keep + _GONE
         if now - since > _MOST or (now - since > _LEAST and gone):
-            self._yields, self._again = None, now + (0.0 if gone else _LEAST)
+            self._yields, self._again = None, now + _LEAST * self._times
             return None
         away = math.dist(here, spot)
         speed = min(UNHURRIED, away) / away if away > 0.05 else 0.0

@@ -1,0 +1,47 @@
+"""Parked robots that make room."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from muro_zenoh.geometry import Bounds, State
+from muro_zenoh.safety.separation.courtesy import Courtesy
+from muro_zenoh.safety.separation.guidance import FIDGET, Near
+
+INSIDE = Bounds(-2.1, 2.1, -1.5, 1.5).shrunk(0.197)
+
+
+def times(
+    courtesy: Courtesy, near: list[Near], start: float, seconds: float, target: tuple[float, float]
+) -> list[float]:
+    """When a robot that stands where it wants to be begins to make room [s]."""
+    still = State(*target, 0.0, 0.0, 0.0)
+    began, made_room = [], False
+    for k in range(round(seconds / 0.05)):
+        now = start + 0.05 * k
+        makes_room = courtesy.look(now, still, True, target, near, INSIDE) is not None
+        if makes_room and not made_room:
+            began.append(now)
+        made_room = makes_room
+    return began
+
+
+def test_a_robot_makes_room_again_and_again_but_ever_less_often() -> None:
+    waits = Near(0.5, 0.0, 0.0, 0.0, 0.4, "r2", math.pi, FIDGET)
+    courtesy = Courtesy()
+    began = times(courtesy, [waits], 0.0, 200.0, (0.0, 0.0))
+    assert began[0] == 0.0
+    assert len(began) > 4
+    gaps = [after - before for before, after in pairwise(began)]
+    assert all(after > before + 3.0 for before, after in pairwise(gaps))
+    # somewhere else it starts anew
+    assert times(courtesy, [waits], 200.0, 40.0, (-0.02, 0.0))[0] < 240.0
+
+
+def test_a_robot_makes_room_for_nobody_right_after_it_did_even_when_that_one_has_gone() -> None:
+    waits = Near(0.5, 0.0, 0.0, 0.0, 0.4, "r2", math.pi, FIDGET)
+    courtesy = Courtesy()
+    assert times(courtesy, [waits], 0.0, 0.1, (0.0, 0.0)) == [0.0]
+    assert times(courtesy, [], 0.1, 5.0, (0.0, 0.0)) == [0.1]  # still
+    assert times(courtesy, [waits._replace(name="r3")], 5.1, 2.0, (0.0, 0.0)) == []
