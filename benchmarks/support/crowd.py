@@ -85,7 +85,7 @@ def doorway(rng: np.random.Generator, robots: int, arena: Bounds) -> Case:
         for first, second in ((left, right), (right, left))
     )
     walls = ((0.0, 0.5 * DOOR, 0.0, arena.y_max), (0.0, arena.y_min, 0.0, -0.5 * DOOR))
-    return Case(starts, goals[:, :2], arena, np.array(walls))
+    return Case(starts, goals[:, :2], arena, np.array(walls), seconds=300.0)
 
 
 Layout = Callable[[np.random.Generator, int, Bounds], Case]
