@@ -28,7 +28,8 @@ demo: $(VENV)/.for-runs
 # Tests that compute run side by side; those with processes of their own, whose ages are real, one after the other.
 test: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop tests/fleets
-	$(BIN)/python -m pytest tests/contract tests/integration tests/browser
+	$(BIN)/python -m pytest -n 4 tests/contract
+	$(BIN)/python -m pytest tests/integration tests/browser
 
 test-fast: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -m "not slow"
