@@ -239,7 +239,7 @@ class ControlLoop:
         out += messages
         self._path_shown |= intent.path is not None
         self._cell_shown |= intent.cell is not None
-        if intent.twist is None and self._path_shown:  # it has arrived, or drives there no longer
+        if intent.twist is None and self._path_shown:  # it has arrived, or its behaviour has ended
             self._path_shown = False
             out += NO_PATH
         if intent.twist is None and self._behaviour is None and self._cell_shown:

@@ -73,6 +73,8 @@ class Events:
         if before == now:
             return
         self._behaviours[name] = now
+        if before is None:
+            return
         given = ", ".join(f"{key} = {value}" for key, value in behaviour.parameters.items())
         self.add(t, name, f"behaviour {behaviour.behaviour}" + (f" with {given}" if given else ""))
 

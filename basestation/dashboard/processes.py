@@ -111,7 +111,7 @@ _MISSING: Mapping[str, Any] = {
     "alive": False,
     "state": "missing",
     "age": None,
-    "reasons": ["it has not been started"],
+    "reasons": ["it is not there"],
 }
 
 

@@ -22,10 +22,13 @@ station lets pass (0.25 m, 0.6 rad), and what a robot drives while its estimate 
 _SHORTEST: Final = 0.4
 """The shortest lie of a trial [s]."""
 
-_CARRIED_OFF: Final = 0.12
 _WITHIN: Final = 0.4
-"""A robot is carried off when it is moved otherwise than by its wheels by so much [m] within this time [s]. One that is
-carried along its own way as slowly as it drives looks like one that drives."""
+_STANDING_OFF: Final = 0.05
+_SHARE: Final = 0.7
+_MOST_OFF: Final = 0.12
+"""A robot is carried off when within this time [s] it is moved otherwise than its wheels were commanded to by this [m]
+and this share of the way that they were commanded to drive, or by this [m]. One that is carried along its own way about
+as fast as it drives looks like one that drives."""
 
 _CLOCK_SETTLES: Final = 3.0
 """A clock that was set concerns reports for this time [s]: until clocks have been compared again."""
@@ -73,7 +76,9 @@ def _carried_off_from(record: Record, name: str, effect: Incident) -> float:
     strange = ways - np.cumsum(driven, axis=0)
     first, last = np.searchsorted(record.time, (effect.start, effect.end))
     then = np.minimum(np.arange(first, last) + round(_WITHIN / PERIOD), len(strange) - 1)
-    off = np.hypot(*(strange[then] - strange[first:last]).T) > _CARRIED_OFF
+    along = np.cumsum(PERIOD * np.abs(record.command[:, i, 0]))
+    limit = np.minimum(_MOST_OFF, _STANDING_OFF + _SHARE * (along[then] - along[first:last]))
+    off = np.hypot(*(strange[then] - strange[first:last]).T) > limit
     return float(record.time[first + int(np.argmax(off))]) if off.any() else math.inf
 
 

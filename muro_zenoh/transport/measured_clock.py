@@ -22,7 +22,7 @@ from muro_zenoh.transport.link import Closable
 _PERIOD: Final = 1.0
 _FIRST_PERIOD: Final = 0.1
 _FIRST: Final = 8
-"""So many questions are asked one after the other at the start, and after a clock was set."""
+"""So many questions are asked one after the other at the start, and after a clock was set or an answer did not come."""
 
 _TIMEOUT: Final = 3.0
 """An answer is awaited for this time [s]: far longer than a path takes on which a robot may drive, for a path that was
@@ -51,6 +51,7 @@ class MeasuredClock:
         self._estimate = OffsetEstimate()
         self._epoch = 0
         self._at_once = _FIRST
+        self._gets_answers = False
 
     async def run(self) -> None:
         """Measure until cancelled."""
@@ -59,8 +60,10 @@ class MeasuredClock:
             self._at_once = max(0, self._at_once - 1)
             try:
                 await self._ask()
+                self._gets_answers = True
             except MuroError:  # nobody answers, or not with a reply
-                self._at_once = max(1, self._at_once)  # another one may be there by now
+                if self._gets_answers:  # another one may be there in a moment
+                    self._gets_answers, self._at_once = False, _FIRST
             if unknown and self._estimate.best is not None:
                 continue  # the other one learns of our clock with the second question
             await asyncio.sleep(_FIRST_PERIOD if self._at_once else _PERIOD)

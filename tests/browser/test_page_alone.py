@@ -172,8 +172,9 @@ async def test_who_is_not_let_in_asks_less_and_less_often(browser: Browser) -> N
         await serve(opened, base)
         veil = opened.page.locator("#veil", has_text="does not let this page in")
         for count in range(1, 5):
-            while base.connections < count:
-                await opened.page.clock.fast_forward(50)
+            async with asyncio.timeout(seconds(10.0)):
+                while base.connections < count:
+                    await opened.page.clock.fast_forward(50)
             asked.append(await opened.page.evaluate("performance.now()"))
             await veil.wait_for()
             assert not await opened.muro("connected")

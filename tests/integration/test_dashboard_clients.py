@@ -238,7 +238,7 @@ async def test_viewers_leave_places_for_operators(fleet: PageFleet, monkeypatch:
 
 
 async def test_viewers_may_send_less(fleet: PageFleet) -> None:
-    """Each of their stops is on the bus."""
+    """They order nothing but stops, each of which is on the bus, and pictures."""
     async with fleet.client(TOKENS.viewer) as viewer, fleet.client() as operator:
         for client in (viewer, operator):
             with contextlib.suppress(ConnectionClosed):

@@ -312,7 +312,7 @@ def test_events_are_changes_and_not_ages() -> None:
         events.behaviour(5.0, "r1", Behaviour(behaviour="circle", parameters={"speed": 0.1}))
         events.circle(5.0, Circle(0.0, 0.0, 0.8))
     events.behaviour(6.0, "r1", None)
-    events.behaviour(6.0, "r1", Behaviour(behaviour="dubins"))
+    events.behaviour(6.0, "r1", Behaviour(behaviour="dubins", parameters={"turning_radius": 0.3}))
     events.circle(6.0, Circle(0.5, 0.0, 0.6, clockwise=True))
     events.goal(7.0, "r1", Goal(x=1.0, y=-0.5, theta=math.pi / 2))
     events.goal(7.0, "r1", Goal(x=1.0, y=-0.5))
@@ -323,8 +323,7 @@ def test_events_are_changes_and_not_ages() -> None:
         "agent is gone",
         "stop: every robot",
         "no robot is stopped any longer",
-        "behaviour circle with speed = 0.1",
-        "behaviour dubins",
+        "behaviour dubins with turning_radius = 0.3",
         "circle round (0.50, 0.00) m, radius 0.60 m, clockwise",
         "goal (1.00, -0.50) m, heading 90°",
         "goal (1.00, -0.50) m",

@@ -202,6 +202,13 @@ class TestNamed:
         assert judged.evaluated == evaluated
         assert [breach.time for breach in judged.breaches] == pytest.approx([3.0] * evaluated, abs=0.06)
 
+    def test_one_that_stands_and_is_carried_slowly_is_judged(self) -> None:
+        carried = moved_by_hand(with_effect(still(), "carry", 2.0, 4.0, x=0.4), 2.0, 4.0, 0.2)
+        (breach,) = breaches(carried, "named")
+        assert breach.time == pytest.approx(3.0, abs=0.06)
+        slower = moved_by_hand(with_effect(still(), "carry", 2.0, 4.0, x=0.2), 2.0, 4.0, 0.1)
+        assert judge(slower)["named"].evaluated == 0
+
     @pytest.mark.parametrize(("set_at", "evaluated"), [(0.5, 0), (-3.0, 1)])
     def test_not_judged_until_clocks_are_compared_again(self, set_at: float, evaluated: int) -> None:
         step = fault("clock_step", "basestation", 0.0, 0.4, step=-2.0)

@@ -35,8 +35,9 @@ def test_a_robot_makes_room_again_and_again_but_ever_less_often() -> None:
     assert len(began) > 4
     gaps = [after - before for before, after in pairwise(began)]
     assert all(after > before + 3.0 for before, after in pairwise(gaps))
-    # somewhere else it starts anew
-    assert times(courtesy, [waits], 200.0, 40.0, (-0.02, 0.0))[0] < 240.0
+    assert times(courtesy, [waits], 200.0, 12.0, (0.0, 0.0)) == [200.4], "and not for the next half minute"
+    courtesy.look(212.0, State(0.0, 0.0, 0.0, 0.0, 0.0), False, (-0.02, 0.0), [], INSIDE)  # it drives elsewhere
+    assert times(courtesy, [waits], 212.05, 1.0, (-0.02, 0.0)) == [212.05], "there it starts anew"
 
 
 def test_a_robot_makes_room_for_nobody_right_after_it_did_even_when_that_one_has_gone() -> None:

@@ -72,7 +72,7 @@ class Courtesy:
         home = self._home
         if home is None or (target is not None and math.dist(home, target) > 0.01) or math.dist(home, here) > _PARKED:
             self._home = self._yields = None
-            self._times = 0
+            self._times, self._again = 0, -math.inf
             self.returns = False
             return None
         self.returns = not rests and target is not None
