@@ -26,7 +26,7 @@ const CHARTS = [
   { title: "Pose to command", unit: "ms", digits: 1, quantities: ["latency"], least: 5 },
 ];
 
-const HEIGHT = 112;
+const HEIGHT = 140;
 
 /** So many robots are read on a line under the title, of this height [em]: with one value each, or with more. */
 const ON_A_LINE = [4, 3];
