@@ -65,6 +65,7 @@ export class Plots {
       textContent: "Freeze",
       ariaPressed: "false",
     });
+    freeze.style.minWidth = "6.5em"; // for either text: nothing moves when it is pressed
     freeze.onclick = () => {
       const frozen = this.history === history;
       this.history = frozen ? history.copy() : history;
