@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-_VENDOR = "basestation/dashboard/static/vendor"
-_LIBRARIES = ("msgpack.min.js", "uPlot.iife.min.js", "uPlot.min.css")
+_STATIC = "basestation/dashboard/static"
 _ANYWAY = "MURO_WITHOUT_PAGE"
 
 
@@ -26,9 +26,11 @@ class PageLibraries(BuildHookInterface[Any]):
         Raises:
             FileNotFoundError: a library is missing.
         """
-        missing = [name for name in _LIBRARIES if not Path(self.root, _VENDOR, name).is_file()]
+        static = Path(self.root, _STATIC)
+        loaded = re.findall(r'"(vendor/[^"]+)"', (static / "index.html").read_text(encoding="utf-8"))
+        missing = [name for name in loaded if not (static / name).is_file()]
         if missing and version != "editable" and not os.environ.get(_ANYWAY):
             raise FileNotFoundError(
-                f"{_VENDOR}: got no {', '.join(missing)}, expected what the page needs: run `make setup` first, which "
+                f"{_STATIC}: got no {', '.join(missing)}, expected what the page needs: run `make setup` first, which "
                 f"puts it there. For a wheel that serves no page set {_ANYWAY}=1"
             )

@@ -59,6 +59,8 @@ def test_no_wheel_is_built_without_what_the_page_loads(tmp_path: Path) -> None:
     for package in ("muro_zenoh", "agents", "basestation"):
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
+    (tmp_path / PAGE).mkdir(parents=True)
+    shutil.copy(STATIC / "index.html", tmp_path / PAGE)
     command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel"]
 
     def build(**environment: str) -> subprocess.CompletedProcess[str]:
@@ -68,6 +70,7 @@ def test_no_wheel_is_built_without_what_the_page_loads(tmp_path: Path) -> None:
     refused = build()
     assert refused.returncode != 0
     assert "run `make setup` first" in refused.stderr
+    assert "vendor/msgpack.min.js" in refused.stderr
     assert build(MURO_WITHOUT_PAGE="1").returncode == 0
 
 
