@@ -15,7 +15,7 @@ import numpy as np
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
 from muro_zenoh.config.sections import ARENA, RobotSettings
 from muro_zenoh.control.point_forward import GoToGoal
-from muro_zenoh.geometry import Bounds, Pose2, State, Twist2
+from muro_zenoh.geometry import STILL, Bounds, Pose2, State, Twist2
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
 
@@ -34,6 +34,8 @@ DOOR = 0.8
 SNAPSHOT_LIMIT = 0.5
 """An older snapshot is stale [s]."""
 
+_BEFORE_START = 1.0
+"""For how long the robots have stood and heard snapshots when they set off, as agents do that hold [s]."""
 _SUBSTEPS = 4
 _CAMERA_AGE = 0.05
 _STANDING, _STOOD = 0.01, 10.0  # m/s, s
@@ -95,6 +97,15 @@ FLOORS = {"walls": ARENA, "open": OPEN, "6 x 6": LARGE}
 
 class Method(Protocol):
     """How the robots of one case avoid each other."""
+
+    def hear(self, robot: int, t: float, snapshot: Snapshot) -> None:
+        """Take a snapshot before the start; most methods need none.
+
+        Args:
+            robot: the robot's index.
+            t: the time [s].
+            snapshot: what it sees of all.
+        """
 
     def step(self, robot: int, t: float, state: State, desired: Twist2, snapshot: Snapshot | None) -> Twist2:
         """The command of one robot.
@@ -178,6 +189,20 @@ class World:
         arrived = self._rng.random(self.robots) >= self._loss
         self._newest[arrived] = self._step - self._behind
 
+    def stand(self, method: Method) -> None:
+        """Let the robots stand and hear snapshots until the start.
+
+        Args:
+            method: how they avoid each other.
+        """
+        self.time = -_BEFORE_START
+        for _ in range(round(_BEFORE_START / PERIOD)):
+            for robot in range(self.robots):
+                if (snapshot := self.snapshot(robot)) is not None:
+                    method.hear(robot, self.time, snapshot)
+            self.step([STILL] * self.robots)
+        self.time = 0.0
+
     def _look(self) -> None:
         """Walls; the plant itself sees robots touch."""
         x, y, _ = self.plant.pose.T
@@ -219,6 +244,7 @@ def drive_to_goals(case: Case, method: Method, rng: np.random.Generator, delay: 
         loss: share of the snapshots that each link loses.
     """
     world = World(case, rng, delay, loss)
+    world.stand(method)
     since = np.zeros(world.robots)
     stood, anybody_moved = False, 0.0
     seconds = math.inf

@@ -33,7 +33,7 @@ BARRIER = Barrier()
 SETTINGS = SeparationSettings()
 
 
-class NoFilter:
+class NoFilter(Method):
     """Robots that drive as they want, through each other.
 
     Args:
@@ -46,7 +46,7 @@ class NoFilter:
         return desired
 
 
-class Ours:
+class Ours(Method):
     """The separation filter, one for each robot.
 
     Args:
@@ -63,12 +63,15 @@ class Ours:
             for me in names
         ]
 
+    def hear(self, robot: int, t: float, snapshot: Snapshot) -> None:
+        self.filters[robot].learn(t, snapshot)
+
     def step(self, robot: int, t: float, state: State, desired: Twist2, snapshot: Snapshot | None) -> Twist2:
         goal = self._goals[robot] if self._goals else None
         return self.filters[robot].step(t, state, desired, snapshot, goal).twist
 
 
-class Orca:
+class Orca(Method):
     """Optimal reciprocal collision avoidance (RVO2): ORCA chooses a velocity, the unicycle turns to it and follows.
 
     Each robot has a simulator of its own, with what it sees. It may drive at the robots' full speed, with which it does
@@ -134,7 +137,7 @@ class Orca:
         return Twist2(speed * max(0.0, math.cos(alpha)), omega)
 
 
-class BarrierCertificates:
+class BarrierCertificates(Method):
     """The classical barrier, with a bare daqp solve.
 
     Args:

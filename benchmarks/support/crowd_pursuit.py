@@ -39,6 +39,7 @@ def pursue(case: Case, method: Method, rng: np.random.Generator, delay: float, l
         loss: share of the snapshots that each link loses.
     """
     world = World(case, rng, delay, loss)
+    world.stand(method)
     circle_law = CircleLaw(Parameters().law)
     behaviours = [Pursuit(name, _LAW, circle_law) for name in world.names]
     since = math.inf

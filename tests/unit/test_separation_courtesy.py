@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from muro_zenoh.geometry import Bounds, State
 from muro_zenoh.safety.separation.courtesy import Courtesy
+from muro_zenoh.safety.separation.gates import Gate
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
 
 INSIDE = Bounds(-2.1, 2.1, -1.5, 1.5).shrunk(0.197)
@@ -46,3 +47,12 @@ def test_a_robot_makes_room_for_nobody_right_after_it_did_even_when_that_one_has
     assert times(courtesy, [waits], 0.0, 0.1, (0.0, 0.0)) == [0.0]
     assert times(courtesy, [], 0.1, 5.0, (0.0, 0.0)) == [0.1]  # still
     assert times(courtesy, [waits._replace(name="r3")], 5.1, 2.0, (0.0, 0.0)) == []
+
+
+def test_a_robot_that_is_parked_in_a_passage_makes_room_as_often_as_it_is_asked() -> None:
+    waits = Near(0.5, 0.0, 0.0, 0.0, 0.4, "r2", math.pi, FIDGET)
+    beside, within = (
+        [after - before for before, after in pairwise(times(courtesy, [waits], 0.0, 60.0, (0.0, 0.0)))]
+        for courtesy in (Courtesy([Gate(x, 0.0, 1.0, 0.0, 0.4)]) for x in (1.0, 0.3))
+    )
+    assert max(within) < 8.0 < max(beside)

@@ -183,3 +183,23 @@ def test_a_robot_in_a_queue_is_patient_and_then_backs_off() -> None:
     began = next(k for k, entry in enumerate(log) if entry != (-1.0, False))
     assert 0.05 * began > 4.0
     assert log[began] == (-1.0, True)
+
+
+def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:
+    """One that backs off elsewhere does so to the end."""
+    still = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    for queues in (True, False):
+        patience = Patience(0)
+        steps = (patience.look(0.05 * k, still, True, queues) for k in range(400))
+        next(k for k, _ in enumerate(steps) if patience.retreating)
+        patience.take_turn()
+        assert patience.retreating is not queues
+
+
+def test_a_robot_that_backs_off_knows_whether_it_is_its_turn() -> None:
+    route = Route(ARENA, ARENA.shrunk(KEEP), DOOR, KEEP)
+    comes = near(0.8, 0.0, vx=-0.4, theta=math.pi)
+    for clock, passes in ((THEIR_TURN, False), (MY_TURN, True)):
+        route.toward(0.0, (-0.9, 0.0), (0.4, 0.0), (1.2, 0.0), [comes], 0.0, False, clock)
+        assert not route.waits
+        assert route.passes is passes

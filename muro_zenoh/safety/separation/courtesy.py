@@ -20,7 +20,8 @@ _GONE: Final = 0.45
 _LEAST: Final = 4.0
 _MOST: Final = 7.0
 """... but for this time at least and at most [s]. Then it goes back, and makes no room for the least time as often as
-it has made room already: robots that are in each other's way would make room in turns for ever."""
+it has made room already: robots that are in each other's way would make room in turns for ever. One that is parked in a
+passage never refuses: nobody gets by."""
 _STEP: Final = 0.4
 """How far it goes [m]."""
 _PARKED: Final = 0.8
@@ -85,7 +86,8 @@ class Courtesy:
         there = next((one for one in near if one.name == other), None)
         gone = there is None or math.hypot(there.x - state.x, there.y - state.y) > there.keep + _GONE
         if now - since > _MOST or (now - since > _LEAST and gone):
-            self._yields, self._again = None, now + _LEAST * self._times
+            blocks = any(math.dist(home, (passage.x, passage.y)) < passage.keep for passage in self._passages)
+            self._yields, self._again = None, now if blocks else now + _LEAST * self._times
             return None
         away = math.dist(here, spot)
         speed = min(UNHURRIED, away) / away if away > 0.05 else 0.0

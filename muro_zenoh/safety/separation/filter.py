@@ -31,9 +31,9 @@ _WANTS: Final = 0.01
 """A robot that wants to drive slower than this is where it wants to be [m/s]."""
 _SLOW: Final = 0.2
 """A robot that gets out of the way drives this fast [m/s]."""
-_AHEAD_OF_WHEELS: Final = 0.45
-"""A changed command asks for a turning rate at most so far from the one that is driven [rad/s]: the wheels reach no
-more in a period, and a command that jumps further only shakes them."""
+_AHEAD_OF_WHEELS: Final = 0.55
+"""A changed command asks for a turning rate at most so far from the one that is driven [rad/s]: the wheels reach less
+in a period, and a command that jumps further only shakes them."""
 _NEARLY_THERE: Final = 0.15
 """Nearer to its target a robot may stand without losing patience [m]."""
 
@@ -163,6 +163,8 @@ class Separation:
         if target is not None:
             queues = not patience.retreating
             velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues, clock)
+            if self._route.passes:
+                patience.take_turn()
         else:
             self._route.leave()
         ux, uy = velocity

@@ -124,6 +124,7 @@ class Patience:
         self._since = 0.0
         self._until = -math.inf
         self._tries = 0
+        self._queued = False
         self.side = -1.0
         """The side to turn to: -1 clockwise."""
         self.retreating = False
@@ -156,7 +157,12 @@ class Patience:
                     self.side, self._until = 1.0, now + _TRIES_FOR
                 else:
                     self.retreating, self._until = True, now + _TRIES_FOR + _STAGGER * self._rank
+                    self._queued = queues
         return now - self._since
+
+    def take_turn(self) -> None:
+        """It is the robot's turn at a gate: it backs off no longer from the queue in which it waited."""
+        self.retreating = self.retreating and not self._queued
 
 
 def roomiest(

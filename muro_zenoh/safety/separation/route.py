@@ -50,13 +50,10 @@ class Route:
         self._still_since: dict[str, float] = {}
         self.waits = False
         """Whether the robot lets others through a gate now."""
+        self.passes = False
+        """Whether there is a gate in the robot's way, and it is its turn to go through."""
         self.parked: list[Near] = []
         """The neighbours that are parked: the way leads round them."""
-
-    @property
-    def passes(self) -> bool:
-        """Whether the robot is on its way through a gate now, in a row with others."""
-        return self._gate is not None and not self.waits
 
     def toward(
         self,
@@ -78,13 +75,13 @@ class Route:
             target: the place [m, world].
             near: the neighbours.
             stood: for how long the robot has stood [s].
-            queues: whether it lets others through a gate first.
+            queues: whether it goes to its place in a queue when it has to let others through a gate first.
             clock: the time that all robots share [s].
 
         Returns:
             The velocity [m/s], no faster than the desired one.
         """
-        self.waits = False
+        self.waits = self.passes = False
         self._notice_parked(now, near)
         straight = self._sees(here, target) and stood < _STANDS and now >= self._follow_until
         if straight and not self.gates:
@@ -102,10 +99,11 @@ class Route:
             if found is not None:
                 self._plan, self._search = found, None
         speed = math.hypot(*velocity)
-        self._gate = gate_ahead(self.gates, [here, *self._plan[1:]]) if self.gates and queues else None
+        self._gate = gate_ahead(self.gates, [here, *self._plan[1:]]) if self.gates else None
         if self._gate is not None:
             place = place_to_wait(self._gate, *here, near, clock)
-            if place is not None:
+            self.passes = place is None
+            if place is not None and queues:
                 self.waits = True
                 away = math.dist(place, here)
                 return _toward(here, place, min(speed, away)) if away > _AT_PLACE else (0.0, 0.0)
@@ -134,7 +132,7 @@ class Route:
 
     def leave(self) -> None:
         """There is no place to drive to any more, and no turn to wait for."""
-        self._gate, self.waits, self.parked = None, False, []
+        self._gate, self.waits, self.passes, self.parked = None, False, False, []
 
     def face_gate(self, state: State) -> Twist2:
         """A turn on the spot toward the gate in front of which the robot waits; none when it looks that way.
