@@ -106,6 +106,7 @@ class Method(Protocol):
             t: the time [s].
             snapshot: what it sees of all.
         """
+        return
 
     def step(self, robot: int, t: float, state: State, desired: Twist2, snapshot: Snapshot | None) -> Twist2:
         """The command of one robot.

@@ -19,15 +19,13 @@ _GONE: Final = 0.45
 """... until they are further than the distance to keep and this [m] ..."""
 _LEAST: Final = 4.0
 _MOST: Final = 7.0
-"""... but for this time at least and at most [s]. Then it goes back, and makes no room for the least time as often as
-it has made room already: robots that are in each other's way would make room in turns for ever. One that is parked in a
-passage never refuses: nobody gets by."""
+"""... but for this time at least and at most [s]. Then it goes back, and makes no room for the least time multiplied by
+how often it has made room already: robots that are in each other's way would make room in turns for ever. One that is
+parked in a passage never refuses: nobody gets by."""
 _STEP: Final = 0.4
 """How far it goes [m]."""
 _PARKED: Final = 0.8
 """A robot that has been where it wants to be counts as parked up to this far from there [m]."""
-
-
 _BESIDE: Final = 0.35
 """It keeps out of a passage by this [m]."""
 
@@ -42,7 +40,7 @@ class Courtesy:
     """Whether one robot makes room now, and where to.
 
     Args:
-        gates: passages in which nobody makes room for another one.
+        gates: passages: who makes room keeps out of them, and who is parked in one never refuses to.
     """
 
     def __init__(self, gates: Sequence[Gate] = ()) -> None:
@@ -71,7 +69,8 @@ class Courtesy:
         if rests:
             self._home = target or here
         home = self._home
-        if home is None or (target is not None and math.dist(home, target) > 0.01) or math.dist(home, here) > _PARKED:
+        leaves = not rests if target is None else home is not None and math.dist(home, target) > 0.01
+        if home is None or leaves or math.dist(home, here) > _PARKED:
             self._home = self._yields = None
             self._times, self._again = 0, -math.inf
             self.returns = False

@@ -32,8 +32,10 @@ _WANTS: Final = 0.01
 _SLOW: Final = 0.2
 """A robot that gets out of the way drives this fast [m/s]."""
 _AHEAD_OF_WHEELS: Final = 0.55
-"""A changed command asks for a turning rate at most so far from the one that is driven [rad/s]: the wheels reach less
-in a period, and a command that jumps further only shakes them."""
+"""A changed command asks for a turning rate at most so far from the one that is driven [rad/s]: commands that jump
+further shake the wheels, and with less a crowd takes longer to dissolve. Measured on ten robots that swap places."""
+_ELSEWHERE: Final = 0.3
+"""A target that has moved further is another one [m]."""
 _NEARLY_THERE: Final = 0.15
 """Nearer to its target a robot may stand without losing patience [m]."""
 
@@ -73,6 +75,7 @@ class Separation:
         self._inside = arena.shrunk(keep)
         self._known = Knowledge(name, body, others, settings, walls)
         self._route = Route(arena, self._inside, walls, keep)
+        self._target: Point | None = None
         self._free = True
         """Whether the robot did as it wanted in the last step."""
         self._courtesy = Courtesy(self._route.gates)
@@ -110,12 +113,14 @@ class Separation:
         self._body = body or self._nominal
         blind = self._known.learn(now, snapshot)
         if desired is None:
+            self._begin_anew()
             return Separated(STILL, "")
         if not self._settings.enabled:
             return Separated(desired, "")
         if not all(map(math.isfinite, (*state, *desired))):
             return Separated(STILL, "brakes: its own state or the desired twist is not finite")
         if blind:
+            self._begin_anew()
             return Separated(STILL, f"brakes: {blind}")
         wanted = self._within_limits(desired)
         velocity = _preferred(state, wanted, target)
@@ -123,11 +128,16 @@ class Separation:
         fastest = max(abs(wanted.v), speed, _SLOW)
         certificate = Certificate(state, self._body, self._inside, self._known, self._settings, fastest)
         near = self._known.near(now, state.x, state.y, _LOOK)
+        if _is_elsewhere(target, self._target):
+            self._begin_anew()
+            self._target = target
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
-        wants = speed > _WANTS and far and not self._free
-        stood = self._patience.look(now, state, wants, self._route.waits)
         rests = speed <= _WANTS
         room = self._courtesy.look(now, state, rests, target, near, self._inside)
+        wants = not rests and far and not self._free and room is None
+        stood = self._patience.look(now, state, wants, self._route.waits)
+        if rests or room is not None:
+            self._route.leave()
         if room is not None:
             given, reason = self._make_room(state, *room, near, certificate)
         elif rests:
@@ -143,6 +153,12 @@ class Separation:
                 reason = "goes back to where it made room"
         self._free = not reason
         return Separated(given if reason else desired, reason)
+
+    def _begin_anew(self) -> None:
+        """The robot is not on its way, or on its way to another place: it has not stood in anybody's way yet."""
+        self._free = True
+        self._route.leave()
+        self._patience.begin_anew()
 
     def _get_past(
         self,
@@ -161,8 +177,8 @@ class Separation:
         patience = self._patience
         velocity = desired
         if target is not None:
-            queues = not patience.retreating
-            velocity = self._route.toward(now, (x, y), desired, target, near, stood, queues, clock)
+            gives_way = not patience.retreating
+            velocity = self._route.toward(now, (x, y), desired, target, near, stood, gives_way, clock)
             if self._route.passes:
                 patience.take_turn()
         else:
@@ -222,6 +238,12 @@ class Separation:
     def _within_limits(self, twist: Twist2) -> Twist2:
         v_max, omega_max = self._body.v_max, self._body.omega_max
         return Twist2(min(max(twist.v, -v_max), v_max), min(max(twist.omega, -omega_max), omega_max))
+
+
+def _is_elsewhere(target: Point | None, before: Point | None) -> bool:
+    if target is None or before is None:
+        return target is not before
+    return math.dist(target, before) > _ELSEWHERE
 
 
 def _preferred(state: State, wanted: Twist2, target: Point | None) -> Point:

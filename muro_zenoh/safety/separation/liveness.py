@@ -120,11 +120,15 @@ class Patience:
 
     def __init__(self, rank: int) -> None:
         self._rank = rank % _RANKS
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget what was: the robot has not stood yet."""
         self._anchor: tuple[float, float] | None = None
         self._since = 0.0
         self._until = -math.inf
         self._tries = 0
-        self._queued = False
+        self._queued = False  # whether it backs off, or did so last, from a queue
         self.side = -1.0
         """The side to turn to: -1 clockwise."""
         self.retreating = False
@@ -143,6 +147,7 @@ class Patience:
             For how long it has stood [s].
         """
         here = state.x, state.y
+        queues = queues or (self.retreating and self._queued)
         if not wants:
             self._tries = 0
         if not wants or self._anchor is None or math.dist(here, self._anchor) > _MOVED:

@@ -63,7 +63,7 @@ class Route:
         target: Point,
         near: Sequence[Near],
         stood: float,
-        queues: bool,
+        gives_way: bool,
         clock: float,
     ) -> Point:
         """The preferred velocity on the way to a place.
@@ -75,7 +75,7 @@ class Route:
             target: the place [m, world].
             near: the neighbours.
             stood: for how long the robot has stood [s].
-            queues: whether it goes to its place in a queue when it has to let others through a gate first.
+            gives_way: whether it goes to its place in the queue when it has to let others through a gate first.
             clock: the time that all robots share [s].
 
         Returns:
@@ -103,7 +103,7 @@ class Route:
         if self._gate is not None:
             place = place_to_wait(self._gate, *here, near, clock)
             self.passes = place is None
-            if place is not None and queues:
+            if place is not None and gives_way:
                 self.waits = True
                 away = math.dist(place, here)
                 return _toward(here, place, min(speed, away)) if away > _AT_PLACE else (0.0, 0.0)
@@ -131,8 +131,10 @@ class Route:
         return self._planner.sees(start, end)
 
     def leave(self) -> None:
-        """There is no place to drive to any more, and no turn to wait for."""
+        """There is no place to drive to any more, or another one: no way to follow, and no turn to wait for."""
         self._gate, self.waits, self.passes, self.parked = None, False, False, []
+        self._plan, self._search = [], None
+        self._plan_again = self._follow_until = -math.inf
 
     def face_gate(self, state: State) -> Twist2:
         """A turn on the spot toward the gate in front of which the robot waits; none when it looks that way.
