@@ -15,6 +15,7 @@ from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
 from muro_zenoh.safety.separation.certificate import Certificate
+from muro_zenoh.safety.separation.guidance import FIDGET
 from muro_zenoh.safety.separation.knowledge import Knowledge
 from muro_zenoh.safety.separation.path import braking_path
 from muro_zenoh.simulation.plant import Plant
@@ -219,6 +220,33 @@ def test_robots_of_both_sides_get_through_a_doorway() -> None:
         world.step(decide)
     assert world.time < 40.0
     assert world.plant.min_separation > KEEP - 0.005
+
+
+@pytest.mark.parametrize("between", ["another place", "a hold", "no positions"])
+def test_a_robot_that_begins_anew_has_not_stood_yet(between: str) -> None:
+    """It does not take the other side, or back off, because of how long it was blocked before."""
+    arena = Bounds(-2.1, 2.1, -1.5, 1.5)
+    blocked, briefly = (Separation("r0", BODY, {"r0": BODY, "r1": BODY}, arena, SETTINGS) for _ in range(2))
+    still = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    rows = (Neighbour("r0", 0.0, 0.0, 0.0, 0.0, 0.0, 0.05), Neighbour("r1", 0.41, 0.0, math.pi, 0.0, FIDGET, 0.05))
+    before, after = ((1.5, -0.3) if between == "another place" else (1.5, 0.3)), (1.5, 0.3)
+    law = GoToGoal(speed=0.4)
+
+    def step(each: Separation, now: float, goal: tuple[float, float] | None, sees: bool = True) -> Twist2:
+        desired = None if goal is None else law.twist(still.pose, *goal)
+        return each.step(now, still, desired, Snapshot(rows, now, 1, 0.0) if sees else None, goal).twist
+
+    for k in range(80):  # 4 s: then it tries the other side; and 1.5 s
+        step(blocked, PERIOD * k, before)
+        step(briefly, PERIOD * k, before if k >= 50 else None)
+    for each in (blocked, briefly):
+        if between == "no positions":
+            step(each, PERIOD * 80, before, sees=False)
+        elif between == "a hold":
+            step(each, PERIOD * 80, None)
+    assert [step(blocked, PERIOD * k, after) for k in range(81, 100)] == [
+        step(briefly, PERIOD * k, after) for k in range(81, 100)
+    ]
 
 
 def test_the_turning_rate_does_not_alternate_in_a_crowd() -> None:

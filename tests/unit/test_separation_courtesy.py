@@ -14,14 +14,19 @@ INSIDE = Bounds(-2.1, 2.1, -1.5, 1.5).shrunk(0.197)
 
 
 def times(
-    courtesy: Courtesy, near: list[Near], start: float, seconds: float, target: tuple[float, float]
+    courtesy: Courtesy,
+    near: list[Near],
+    start: float,
+    seconds: float,
+    target: tuple[float, float],
+    away: tuple[float, float] | None = None,
 ) -> list[float]:
-    """When a robot that stands where it wants to be begins to make room [s]."""
-    still = State(*target, 0.0, 0.0, 0.0)
+    """When a robot that stands where it wants to be, and while it makes room ``away`` from there, begins to [s]."""
+    home, spot = State(*target, 0.0, 0.0, 0.0), State(*(away or target), 0.0, 0.0, 0.0)
     began, made_room = [], False
     for k in range(round(seconds / 0.05)):
         now = start + 0.05 * k
-        makes_room = courtesy.look(now, still, True, target, near, INSIDE) is not None
+        makes_room = courtesy.look(now, spot if made_room else home, True, target, near, INSIDE) is not None
         if makes_room and not made_room:
             began.append(now)
         made_room = makes_room
@@ -52,7 +57,7 @@ def test_a_robot_makes_room_for_nobody_right_after_it_did_even_when_that_one_has
 def test_a_robot_that_is_parked_in_a_passage_makes_room_as_often_as_it_is_asked() -> None:
     waits = Near(0.5, 0.0, 0.0, 0.0, 0.4, "r2", math.pi, FIDGET)
     beside, within = (
-        [after - before for before, after in pairwise(times(courtesy, [waits], 0.0, 60.0, (0.0, 0.0)))]
-        for courtesy in (Courtesy([Gate(x, 0.0, 1.0, 0.0, 0.4)]) for x in (1.0, 0.3))
+        [after - before for before, after in pairwise(times(courtesy, [waits], 0.0, 60.0, (0.0, 0.0), (-0.3, 0.0)))]
+        for courtesy in (Courtesy([Gate(x, 0.0, 1.0, 0.0, 0.4)]) for x in (1.0, 0.6))
     )
     assert max(within) < 8.0 < max(beside)

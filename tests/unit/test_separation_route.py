@@ -76,7 +76,19 @@ def test_a_robot_without_a_place_to_drive_to_waits_at_no_gate() -> None:
     assert route.waits
     route.leave()
     assert not route.waits
+    route.toward(0.1, (-0.8, 0.0), (0.4, 0.0), (1.2, 0.0), [], 0.0, True, MY_TURN)
+    assert route.passes
+    route.leave()
     assert not route.passes
+
+
+def test_the_way_to_an_earlier_place_is_not_followed() -> None:
+    route = Route(ARENA, ARENA.shrunk(KEEP), DOOR, KEEP)
+    for k in range(20):  # to the other room
+        there = route.toward(0.05 * k, (-0.8, 1.0), (0.4, 0.0), (0.8, 1.0), [], 1.2, True, MY_TURN)
+    assert there[1] < 0.0
+    route.leave()
+    assert route.toward(1.0, (-0.8, 1.0), (-0.4, 0.0), (-1.6, 1.0), [], 0.0, True, MY_TURN) == (-0.4, 0.0)
 
 
 def test_walls_that_leave_no_way_give_none() -> None:
@@ -185,6 +197,21 @@ def test_a_robot_in_a_queue_is_patient_and_then_backs_off() -> None:
     assert log[began] == (-1.0, True)
 
 
+def test_a_second_retreat_from_a_queue_is_one_from_the_queue_too() -> None:
+    """While it backs off a robot is in no queue, and it has not got anywhere."""
+    patience, still = Patience(0), State(0.0, 0.0, 0.0, 0.0, 0.0)
+    began = 0
+    for k in range(600):
+        before = patience.retreating
+        patience.look(0.0501 * k, still, True, not patience.retreating)
+        if patience.retreating and not before:
+            began += 1
+            assert patience.side == -1.0
+    assert began > 2
+    patience.take_turn()
+    assert not patience.retreating
+
+
 def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:
     """One that backs off elsewhere does so to the end."""
     still = State(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -203,3 +230,5 @@ def test_a_robot_that_backs_off_knows_whether_it_is_its_turn() -> None:
         route.toward(0.0, (-0.9, 0.0), (0.4, 0.0), (1.2, 0.0), [comes], 0.0, False, clock)
         assert not route.waits
         assert route.passes is passes
+    route.toward(0.0, (-0.9, 0.0), (-0.4, 0.0), (-1.5, 0.0), [comes], 0.0, False, MY_TURN)
+    assert not route.passes, "no gate is in its way"
