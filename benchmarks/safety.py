@@ -5,9 +5,9 @@
     python benchmarks/safety.py --attack [--states N]                            robots that do their worst
 
 Lock-step and without a bus: each robot knows its own state, and sees the others as they were ``--delay`` ms ago in
-snapshots of which its link loses the share ``--loss``. Robots of the default settings want to drive at 0.4 m/s; they
-have arrived when all are within 10 cm of their goals at once. A contact is one of two bodies; walls count apart. Seeds
-give starts, goals and losses.
+snapshots of which its link loses the share ``--loss``. Before they set off, robots have heard snapshots for a second,
+as agents do that hold. Robots of the default settings want to drive at 0.4 m/s; they have arrived when all are within
+10 cm of their goals at once. A contact is one of two bodies; walls count apart. Seeds give starts, goals and losses.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.separation.gates import Gate, gate_ahead, gates_between, place_to_wait
@@ -12,20 +13,23 @@ from muro_zenoh.safety.separation.knowledge import WALL, Wall
 from muro_zenoh.safety.separation.line import Point, nearest_on
 from muro_zenoh.safety.separation.planner import Planner, Segment
 
-_STANDS = 1.0
+_STANDS: Final = 1.0
 """A robot that has stood for this time looks for a way round what is near [s] ..."""
-_FOLLOWS = 3.0
+_FOLLOWS: Final = 3.0
 """... and follows it for this time [s]."""
-_PARKED = 1.0
+_PARKED: Final = 1.0
 """A neighbour that has stood for this time is parked [s]: the way leads round it at once."""
-_PLAN_PERIOD = 1.0
-_STILL = 0.05
+_PLAN_PERIOD: Final = 1.0
+"""The way is planned anew after this time [s]."""
+_STILL: Final = 0.05
 """A neighbour that is slower stands [m/s]."""
-_CLOSE = 0.02
+_CLOSE: Final = 0.02
 """So much nearer to a parked neighbour than it should be is no detour [m]."""
-_LOOK_AHEAD = 0.5
-_AT_PLACE = 0.1
-_FACES = 0.3
+_LOOK_AHEAD: Final = 0.5
+"""A robot heads for the point of its way that is so far ahead [m], if nothing is between."""
+_AT_PLACE: Final = 0.1
+"""A robot so near to its place in a queue is there [m]."""
+_FACES: Final = 0.3
 """A robot that waits at a gate looks at it within this angle [rad]."""
 
 
