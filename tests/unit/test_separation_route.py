@@ -197,19 +197,17 @@ def test_a_robot_in_a_queue_is_patient_and_then_backs_off() -> None:
     assert log[began] == (-1.0, True)
 
 
-def test_a_second_retreat_from_a_queue_is_one_from_the_queue_too() -> None:
-    """While it backs off a robot is in no queue, and it has not got anywhere."""
+def test_a_robot_that_has_backed_off_from_a_queue_is_patient_again() -> None:
+    """Also when it has not got anywhere: while it backs off it waits in no queue, and yet it comes from one."""
     patience, still = Patience(0), State(0.0, 0.0, 0.0, 0.0, 0.0)
-    began = 0
-    for k in range(600):
-        before = patience.retreating
+    retreats = []
+    for k in range(400):
         patience.look(0.0501 * k, still, True, not patience.retreating)
-        if patience.retreating and not before:
-            began += 1
-            assert patience.side == -1.0
-    assert began > 2
-    patience.take_turn()
-    assert not patience.retreating
+        retreats.append(patience.retreating)
+    began = retreats.index(True)
+    lasts = retreats[began:].index(False)
+    assert 0.0501 * lasts < 2.7
+    assert 0.0501 * retreats[began + lasts :].index(True) > 2.0
 
 
 def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:
