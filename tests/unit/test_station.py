@@ -37,6 +37,7 @@ LAB = parse_scenario({"robots": 2, "behaviour": {"name": "circle"}}, "lab.toml",
 SEEN = parse_scenario({"robots": 2, "camera": {"north": {}}}, "lab.toml", name="lab")
 NO_CAMERA = "no camera in the settings: no robot drives without poses"
 BLANK = bytes(1280 * 720)
+SURE = (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-6)
 
 
 @dataclass
@@ -456,7 +457,7 @@ def test_a_fix_that_is_captured_in_the_future_does_not_keep_the_true_ones_out() 
             poses, snapshots = there.bus.every(channels.POSE, "r1"), there.bus.latest(channels.ALL_POSITIONS)
             for ahead, x in ((40.0, 1.0), (0.0, 1.02)):
                 await asyncio.sleep(0.05)
-                seen = (Sighting("r1", Pose2(x, 0.0, 0.0), (1e-6, 0, 0, 0, 1e-6, 0, 0, 0, 1e-6)),)
+                seen = (Sighting("r1", Pose2(x, 0.0, 0.0), SURE),)
                 positions._take(Sightings(camera="north", captured=there.bus.clock.now() + ahead, robots=seen))
             newest = snapshots.get()
             assert newest is not None
@@ -509,5 +510,42 @@ def test_a_camera_in_trouble_is_on_health_at_once(begin: float, trouble: str, li
                     task.cancel()
                     await asyncio.wait({task})
             assert clock.now() - went_wrong < limit
+
+    run_virtually(main())
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.25, 0.5, 0.75])
+def test_a_robot_that_is_not_where_it_says_is_on_health_at_once(begin: float) -> None:
+    """Whenever the report is due: it does not wait for its second."""
+
+    async def main() -> None:
+        async with lab() as there:
+            clock, lied = there.bus.clock, 0.0
+            estimates = there.bus.publisher(channels.ESTIMATE, "r1")
+
+            async def north() -> AsyncIterator[Sightings]:
+                nonlocal lied
+                await asyncio.sleep(begin)
+                for k in range(120):
+                    lied = lied or (clock.now() if k >= 60 else 0.0)
+                    estimates.put(
+                        Estimate(x=0.0 if k < 60 else 1.0, y=0.0, theta=0.0, v=0.0, omega=0.0, covariance=SURE)
+                    )
+                    await asyncio.sleep(0.05)
+                    seen = (Sighting("r1", Pose2(0.0, 0.0, 0.0), SURE),)
+                    yield Sightings(camera="north", captured=clock.now(), robots=seen)
+
+            health = there.bus.every(channels.HEALTH, "basestation")
+            async with make_bus(there.network.link(), clock=clock) as bus:
+                task = asyncio.create_task(Station(bus, SEEN, None, [north()]).run())
+                try:
+                    async for received in health:
+                        if any("r1 is not where it says" in reason for reason in received.message.reasons):
+                            break
+                finally:
+                    task.cancel()
+                    await asyncio.wait({task})
+            assert lied
+            assert clock.now() - lied < 0.2
 
     run_virtually(main())
