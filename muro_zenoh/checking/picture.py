@@ -75,6 +75,8 @@ def _floor(axes: Axes, record: Record, breach: Breach) -> None:
     plan_view(axes)
     arena = record.scenario.arena
     axes.add_patch(Rectangle((arena.x_min, arena.y_min), arena.width, arena.height, fill=False, edgecolor=GREY))
+    for wall in record.scenario.walls:
+        axes.plot((wall.x, wall.x_end), (wall.y, wall.y_end), color=GREY, linewidth=2.0)
     axes.set_xlim(arena.x_min - 0.3, arena.x_max + 0.3)
     axes.set_ylim(arena.y_min - 0.3, arena.y_max + 0.3)
     now = min(int(np.searchsorted(record.time, breach.time)), len(record.time) - 1)
