@@ -52,10 +52,11 @@ def require_path_clear(path: Path, walls: Sequence[Wall], margin: float) -> None
         keep = min(margin, wall.distance(path.start.x, path.start.y))
         away = clearance(path, wall)
         if away < keep - 1e-9:
+            meets = f"comes within {away:.3f} m of" if away > 0.0 else "crosses"
             raise PlanningError(
-                f"path from ({path.start.x:.3f}, {path.start.y:.3f}) to ({path.end.x:.3f}, {path.end.y:.3f}) m comes "
-                f"within {away:.3f} m of {wall}: expected {margin:g} m. Set goals on the way round it, such as one in "
-                "front of the doorway and one behind"
+                f"path from ({path.start.x:.3f}, {path.start.y:.3f}) to ({path.end.x:.3f}, {path.end.y:.3f}) m {meets} "
+                f"{wall}: expected {margin:g} m from it. Set goals on the way round it, such as one in front of a "
+                "doorway and one behind"
             )
 
 
