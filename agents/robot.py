@@ -27,6 +27,7 @@ from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.messages import Estimate
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Latest
+from muro_zenoh.walls import Wall
 
 P = TypeVar("P")
 
@@ -59,6 +60,7 @@ class Robot:
         name: its name.
         settings: its section of the fleet file.
         arena: the floor [m, world].
+        walls: the walls on it.
         parameters: the behaviour's parameters, by key.
     """
 
@@ -68,6 +70,7 @@ class Robot:
         self.name = vehicle.name
         self.settings = settings
         self.arena: Bounds = vehicle.arena
+        self.walls: tuple[Wall, ...] = vehicle.walls
         self.parameters = parameters
         self._vehicle = vehicle
         self._connection = connection

@@ -111,7 +111,11 @@ class Room:
 
     def _numbers(self) -> dict[str, float]:
         plant = self.plant
-        numbers: dict[str, float] = {"collisions": float(plant.contacts), "lost_s": round(self.floor.lost, 3)}
+        numbers: dict[str, float] = {
+            "collisions": float(plant.contacts),
+            "wall_contacts": float(plant.wall_contacts),
+            "lost_s": round(self.floor.lost, 3),
+        }
         if math.isfinite(plant.min_separation):
             numbers["min_separation_m"] = plant.min_separation
         for row, name in enumerate(self._wheels):

@@ -15,6 +15,7 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import starts_of
+from muro_zenoh.walls import edges
 
 log = logging.getLogger(__name__)
 
@@ -187,7 +188,7 @@ class Floor:
         return math.hypot(x - hand.start[0], y - hand.start[1])
 
     def reading(self, row: int) -> WheelReading:
-        """What the encoders of a robot's nominal wheels report now. This floor has no walls and no edges.
+        """What the encoders of a robot's nominal wheels report now. Wheels on this floor feel no wall and no edge.
 
         Args:
             row: the robot's row.
@@ -248,13 +249,14 @@ def make_plant(scenario: Scenario, rng: np.random.Generator, *, count_contacts: 
     apart = scenario.separation
     margin = max(apart.margin, apart.wall_margin)
     return Plant(
-        starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii, margin),
+        starts_of(scenario.starts, scenario.robots, rng, scenario.arena, radii, margin, scenario.walls),
         rng,
         limits=[robot.wheels for robot in robots],
         radius=radii,
         drive_error=scenario.simulation.drive_error,
         slip=scenario.simulation.slip,
         count_contacts=count_contacts,
+        walls=(*scenario.walls, *edges(scenario.arena)) if count_contacts else (),
     )
 
 

@@ -47,6 +47,7 @@ def describe(scenario: Scenario) -> dict[str, Any]:
         "realm": scenario.bus.realm,
         "scenario": scenario.name,
         "arena": [arena.x_min, arena.y_min, arena.x_max, arena.y_max],
+        "walls": [list(wall) for wall in scenario.walls],
         "robots": {
             name: {
                 "radius": robot.radius,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from muro_zenoh.control.point_forward import GoToGoal
 from muro_zenoh.geometry import STILL, Bounds, Pose2, State, Twist2
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
+from muro_zenoh.walls import Wall
 
 ROBOT = RobotSettings()
 PERIOD = 0.05
@@ -46,13 +47,13 @@ class Case(NamedTuple):
     """One start of a crowd.
 
     ``starts`` (N, 3): x, y [m, world], theta [rad]; ``goals`` (N, 2) [m, world]; ``arena``: the floor; ``walls``
-    (W, 4): walls inside it, from x, y to x, y [m, world]; ``seconds``: the robots' time to arrive [s].
+    inside it; ``seconds``: the robots' time to arrive [s].
     """
 
     starts: np.ndarray
     goals: np.ndarray
     arena: Bounds
-    walls: np.ndarray = np.empty((0, 4))
+    walls: tuple[Wall, ...] = ()
     seconds: float = 120.0
 
 
@@ -86,8 +87,8 @@ def doorway(rng: np.random.Generator, robots: int, arena: Bounds) -> Case:
         )
         for first, second in ((left, right), (right, left))
     )
-    walls = ((0.0, 0.5 * DOOR, 0.0, arena.y_max), (0.0, arena.y_min, 0.0, -0.5 * DOOR))
-    return Case(starts, goals[:, :2], arena, np.array(walls), seconds=300.0)
+    walls = Wall(0.0, 0.5 * DOOR, 0.0, arena.y_max), Wall(0.0, arena.y_min, 0.0, -0.5 * DOOR)
+    return Case(starts, goals[:, :2], arena, walls, seconds=300.0)
 
 
 Layout = Callable[[np.random.Generator, int, Bounds], Case]
@@ -211,27 +212,8 @@ class World:
         self.through_wall |= bool(
             x.min() < inside.x_min or x.max() > inside.x_max or y.min() < inside.y_min or y.max() > inside.y_max
         )
-        if len(self._walls):
-            nearest_x, nearest_y = nearest_on_walls(self._walls, x[:, None], y[:, None])
-            distance = np.hypot(nearest_x - x[:, None], nearest_y - y[:, None])
-            self.through_wall |= bool(distance.min() < ROBOT.radius)
-
-
-def nearest_on_walls(walls: np.ndarray, x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest place of each wall.
-
-    Args:
-        walls: (W, 4), from x, y to x, y [m, world].
-        x: of a position, or of many (..., 1) [m, world].
-        y: the same.
-
-    Returns:
-        x and y, each (..., W) [m, world].
-    """
-    start_x, start_y, end_x, end_y = walls.T
-    dx, dy = end_x - start_x, end_y - start_y
-    share = np.clip(((x - start_x) * dx + (y - start_y) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
-    return start_x + share * dx, start_y + share * dy
+        for wall in self._walls:
+            self.through_wall |= bool(wall.distance(x, y).min() < ROBOT.radius)
 
 
 def drive_to_goals(case: Case, method: Method, rng: np.random.Generator, delay: float, loss: float) -> Result:

@@ -14,7 +14,7 @@ import daqp
 import numpy as np
 import pyrvo
 
-from benchmarks.support.crowd import DESIRED, DOOR, OPEN, PERIOD, ROBOT, Case, Method, nearest_on_walls
+from benchmarks.support.crowd import DESIRED, DOOR, OPEN, PERIOD, ROBOT, Case, Method
 from muro_zenoh.behaviours.interface import Snapshot
 from muro_zenoh.geometry import STILL, Pose2, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.barrier import Barrier
@@ -56,10 +56,9 @@ class Ours(Method):
 
     def __init__(self, case: Case, settings: SeparationSettings = SETTINGS) -> None:
         names = [f"r{i}" for i in range(len(case.starts))]
-        walls = [(x, y, end_x, end_y) for x, y, end_x, end_y in case.walls.tolist()]
         self._goals = [(x, y) for x, y in case.goals.tolist()]
         self.filters = [
-            Separation(me, BODY, {name: BODY for name in names if name != me}, case.arena, settings, walls)
+            Separation(me, BODY, {name: BODY for name in names if name != me}, case.arena, settings, case.walls)
             for me in names
         ]
 
@@ -105,7 +104,7 @@ class Orca(Method):
                     (arena.x_max, arena.y_min),
                 ]
             )
-        for x, y, end_x, end_y in self._case.walls.tolist():
+        for x, y, end_x, end_y in self._case.walls:
             simulator.add_obstacle([(x, y), (end_x, end_y)])
         simulator.process_obstacles()
         return simulator
@@ -152,7 +151,7 @@ class BarrierCertificates(Method):
     def step(self, robot: int, t: float, state: State, desired: Twist2, snapshot: Snapshot | None) -> Twist2:
         if snapshot is None:
             return STILL
-        if len(self._case.walls):
+        if self._case.walls:
             desired = DESIRED.twist(Pose2(state.x, state.y, state.theta), *way(self._case, robot, state))
         others = [
             (State(other.x, other.y, other.theta, other.v, other.omega), ROBOT.radius)
@@ -162,7 +161,8 @@ class BarrierCertificates(Method):
         law = self._law
         rows = law.rows(state, BODY, others, self._case.arena)
         x, y = law.point(state)
-        for wall_x, wall_y in zip(*nearest_on_walls(self._case.walls, x, y), strict=True):
+        for wall in self._case.walls:
+            wall_x, wall_y = wall.nearest(x, y)
             away = max(math.hypot(wall_x - x, wall_y - y), 1e-3)
             rows.append(law.wall((wall_x - x) / away, (wall_y - y) / away, away, BODY))
         return law.twist_for(state, *solve_with_daqp(rows, *law.velocity(state, desired)))
@@ -189,7 +189,7 @@ def solve_with_daqp(rows: Sequence[Row], vx: float, vy: float) -> tuple[float, f
 def way(case: Case, robot: int, state: State) -> tuple[float, float]:
     """Where a robot should head: its goal, or through the doorway when that is between them."""
     x, y = case.goals[robot]
-    if not len(case.walls) or (x * state.x > 0.0 and abs(state.x) > 2.0 * ROBOT.radius):
+    if not case.walls or (x * state.x > 0.0 and abs(state.x) > 2.0 * ROBOT.radius):
         return float(x), float(y)
     side = math.copysign(1.0, x)
     near = abs(state.y) < 0.5 * DOOR - ROBOT.radius

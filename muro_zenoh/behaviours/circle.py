@@ -78,14 +78,14 @@ def make(parameters: Parameters, vehicle: Vehicle) -> CircleFollowing:
 
 
 def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse a circle on which robots would leave the arena.
+    """Refuse a circle on which robots would leave the arena or touch a wall in it.
 
     Args:
         circle: the circle.
         fleet: the robots; all in one arena.
 
     Raises:
-        ParameterError: the circle is too large for its centre.
+        ParameterError: the circle is too large for its centre, or comes too near a wall.
     """
     body = max(vehicle.wall_distance for vehicle in fleet)
     arena = fleet[0].arena
@@ -97,6 +97,17 @@ def require_room(circle: Circle, fleet: Sequence[Vehicle]) -> None:
             expected=f"at most {max(edge - body, 0.0):.4g} m, so that robots stay inside the arena, "
             f"{body:g} m from its walls",
         )
+    for wall in fleet[0].walls:
+        nearest = wall.distance(circle.x, circle.y)
+        farthest = max(math.dist(end, (circle.x, circle.y)) for end in (wall[:2], wall[2:]))
+        away = max(nearest - circle.radius, circle.radius - farthest, 0.0)
+        if away < body - 1e-9:
+            raise ParameterError(
+                "circle.radius",
+                got=f"{circle.radius:g} m around ({circle.x:g}, {circle.y:g}), {away:.3f} m from {wall}",
+                expected=f"a circle that is at least {body:g} m from every wall",
+                hint="Choose another centre or radius.",
+            )
 
 
 def require_spacing(circle: Circle, fleet: Sequence[Vehicle]) -> None:
@@ -131,7 +142,7 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         fleet: the robots.
 
     Raises:
-        ParameterError: they would leave the arena, or be too close on it.
+        ParameterError: they would leave the arena or touch a wall, or be too close on it.
     """
     require_room(circle, fleet)
     require_spacing(circle, fleet)

@@ -27,6 +27,7 @@ from muro_zenoh.planning.coverage import Density, Peaks, Point, Round, cell, llo
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.itinerary import Itinerary
 from muro_zenoh.quantities import Duration, Length, Positive, check_quantities
+from muro_zenoh.wording import counted
 
 _REST = 0.01
 """A stationary robot is slower than this [m/s] ..."""
@@ -172,7 +173,7 @@ class _Mean(NamedTuple):
 
 
 def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> None:
-    """Refuse a ride that a robot is too slow for.
+    """Refuse a ride that a robot is too slow for, and walls.
 
     Args:
         parameters: parameters of the deployment.
@@ -180,8 +181,15 @@ def fits(parameters: Parameters, circle: Circle, fleet: Sequence[Vehicle]) -> No
         fleet: the robots.
 
     Raises:
-        ParameterError: ``v_min`` is above a robot's ``v_max``.
+        ParameterError: ``v_min`` is above a robot's ``v_max``; or there are walls inside the arena.
     """
+    if walls := fleet[0].walls:
+        raise ParameterError(
+            "name",
+            got=f"coverage in an arena with {counted(len(walls), 'wall')}",
+            expected="an arena without [[wall]], because Voronoi cells go through walls",
+            hint="Leave the walls out, or choose another behaviour.",
+        )
     for vehicle in fleet:
         parameters.ride.settings(vehicle)
 

@@ -58,7 +58,13 @@ class RideParameters:
             reaction=max(self.profile.reaction, vehicle.lag),
         )
         return RideSettings(
-            profile, self.gains, self.turning_radius, vehicle.arena, vehicle.wall_distance, self.replan_beyond
+            profile,
+            self.gains,
+            self.turning_radius,
+            vehicle.arena,
+            vehicle.wall_distance,
+            self.replan_beyond,
+            walls=vehicle.walls,
         )
 
 
@@ -96,11 +102,11 @@ class GoalList:
             fleet: the robots.
 
         Raises:
-            ParameterError: a goal is outside the arena, or too near its border.
+            ParameterError: a goal is outside the arena, or too near its border or a wall.
         """
         for vehicle in fleet:
             for index, (x, y, *_) in enumerate(self.goals):
-                require_inside(f"goals[{index}]", x, y, vehicle.arena, vehicle.wall_distance)
+                require_inside(f"goals[{index}]", x, y, vehicle.arena, vehicle.wall_distance, vehicle.walls)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,6 +19,7 @@ from muro_zenoh.geometry import Bounds, Circle, State, Twist2
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.path import Path
 from muro_zenoh.safety.separation.body import RobotSeen
+from muro_zenoh.walls import Wall
 
 if TYPE_CHECKING:  # these need numpy, which most agents do not load
     from muro_zenoh.control.importance import Importance
@@ -30,7 +31,7 @@ class Vehicle(NamedTuple):
 
     ``name``; ``radius`` of its body [m]; ``v_max`` [m/s] and ``omega_max`` [rad/s], its limits; ``lag``: time constant
     of its wheels [s]; ``arena``: the floor that it may use; ``margin`` and ``wall_margin``: free floor that the
-    separation filter keeps between two bodies, and between a body and a wall [m].
+    separation filter keeps between two bodies, and between a body and a wall [m]; ``walls``: those inside the arena.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Vehicle(NamedTuple):
     arena: Bounds
     margin: float = 0.0
     wall_margin: float = 0.0
+    walls: tuple[Wall, ...] = ()
 
     @property
     def wall_distance(self) -> float:

@@ -41,7 +41,7 @@ class Steering(Behaviour):
         self._vehicle = vehicle
 
     def go_to(self, goal: Destination, seen: Seen) -> str:
-        """Accept any goal inside the arena.
+        """Accept any goal inside the arena that is clear of its walls; the separation filter leads the way round them.
 
         Args:
             goal: where to go.
@@ -51,7 +51,8 @@ class Steering(Behaviour):
             Why the goal is refused; empty when it is accepted.
         """
         try:
-            require_inside("goal", goal.x, goal.y, self._vehicle.arena, self._vehicle.wall_distance)
+            vehicle = self._vehicle
+            require_inside("goal", goal.x, goal.y, vehicle.arena, vehicle.wall_distance, vehicle.walls)
         except ParameterError as error:
             return str(error)
         self._itinerary.replace(goal)

@@ -70,6 +70,7 @@ def animation(record: Record, breaches: Sequence[Breach]) -> str:
             f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
             f'<rect x="{_MARGIN}" y="{_MARGIN}" width="{arena.width * _SCALE:.0f}" '
             f'height="{arena.height * _SCALE:.0f}" fill="none" stroke="{_DARK}"/>',
+            *drawing.walls(),
             *(drawing.robot(i, name in bad) for i, name in enumerate(record.names)),
             *drawing.captions(breaches[:1]),
             f'<text x="{_MARGIN}" y="{_MARGIN - 14}">{escape(title)} '
@@ -91,11 +92,24 @@ class _Drawing:
         self._length = max(float(record.time[self._rows[-1]]) - self._start, _FRAME)
         self._timing = f'dur="{self._length:.2f}s" repeatCount="indefinite"'
 
+    def _place(self, x: float, y: float) -> tuple[float, float]:
+        """A position [m, world] in the drawing [px]."""
+        arena = self._record.scenario.arena
+        return (x - arena.x_min) * _SCALE + _MARGIN, (arena.y_max - y) * _SCALE + _MARGIN
+
+    def walls(self) -> Iterable[str]:
+        """The walls inside the arena."""
+        for wall in self._record.scenario.walls:
+            (x, y), (x_end, y_end) = self._place(wall.x, wall.y), self._place(wall.x_end, wall.y_end)
+            yield (
+                f'<line x1="{x:.1f}" y1="{y:.1f}" x2="{x_end:.1f}" y2="{y_end:.1f}" stroke="{_DARK}" stroke-width="5"/>'
+            )
+
     def robot(self, i: int, bad: bool) -> str:
         """A body with its heading and name."""
-        record, arena = self._record, self._record.scenario.arena
+        record = self._record
         pose = record.pose[self._rows, i]
-        places = [((x - arena.x_min) * _SCALE + _MARGIN, (arena.y_max - y) * _SCALE + _MARGIN) for x, y, _ in pose]
+        places = [self._place(x, y) for x, y, _ in pose]
         turns = -np.degrees(np.unwrap(pose[:, 2]))
         radius = record.scenario.robot[record.names[i]].radius * _SCALE
         color = _BAD if bad else _OURS
@@ -122,11 +136,10 @@ class _Drawing:
             row = min(int(np.searchsorted(record.time, breach.time)), len(record.time) - 1)
             for name in breach.robots:
                 i = record.names.index(name)
-                x, y = record.pose[row, i, :2]
+                x, y = self._place(*record.pose[row, i, :2])
                 radius = 1.4 * record.scenario.robot[name].radius * _SCALE
                 yield (
-                    f'<circle cx="{(x - arena.x_min) * _SCALE + _MARGIN:.1f}" '
-                    f'cy="{(arena.y_max - y) * _SCALE + _MARGIN:.1f}" r="{radius:.1f}" fill="none" '
+                    f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="none" '
                     f'stroke="{_BAD}" stroke-width="4" opacity="0">{self._while(breach.time, math.inf)}</circle>'
                 )
 

@@ -41,7 +41,7 @@ def draw_breach(record: Record, breach: Breach, path: Path) -> None:
     with style():
         figure, (floor, speeds, ages) = sheet(PAGE, 6.4, 3, 1, height_ratios=(3.2, 1.0, 1.0))
         figure.suptitle(f"seed {record.seed}: {breach}")
-        _floor(floor, record, breach)
+        draw_floor(floor, record, breach)
         rows = _rows(record, breach)
         for number, name in enumerate(breach.robots or record.names):
             i, dashes = record.names.index(name), _DASHES[number % len(_DASHES)]
@@ -69,12 +69,21 @@ def _rows(record: Record, breach: Breach) -> Any:
     return np.arange(min(first, len(record.time) - 1), max(last, first + 1))
 
 
-def _floor(axes: Axes, record: Record, breach: Breach) -> None:
+def draw_floor(axes: Axes, record: Record, breach: Breach) -> None:
+    """Draw the floor when a breach happened: the arena, its walls, the robots, and their ways before.
+
+    Args:
+        axes: to draw on.
+        record: the trial.
+        breach: the breach.
+    """
     from matplotlib.patches import Circle, Rectangle
 
     plan_view(axes)
     arena = record.scenario.arena
     axes.add_patch(Rectangle((arena.x_min, arena.y_min), arena.width, arena.height, fill=False, edgecolor=GREY))
+    for wall in record.scenario.walls:
+        axes.plot((wall.x, wall.x_end), (wall.y, wall.y_end), color=GREY, linewidth=2.0)
     axes.set_xlim(arena.x_min - 0.3, arena.x_max + 0.3)
     axes.set_ylim(arena.y_min - 0.3, arena.y_max + 0.3)
     now = min(int(np.searchsorted(record.time, breach.time)), len(record.time) - 1)

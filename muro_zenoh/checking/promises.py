@@ -32,7 +32,8 @@ stop
     Every robot whose agent has latched a stop: its wheels are commanded zero 0.45 s later, until a resume that is not
     refused is given, or is on its way, or the agent dies.
 inside
-    Every robot, at every sample: its body is inside the arena. One that was disturbed, from when it has been in once.
+    Every robot, at every sample: its body is inside the arena, and reaches over no wall in it. One that was disturbed,
+    from when it has been in, and off the wall, once.
 behaves
     Every robot: its behaviour neither fails nor ends by itself.
 survives
@@ -57,7 +58,7 @@ from muro_zenoh.checking.trace import HealthReport
 from muro_zenoh.errors import MuroError
 
 _OUTSIDE: Final = 1e-3
-"""A body may reach this far over the arena's edge [m]: a robot put down at the wall by its start."""
+"""A body may reach this far over the arena's edge or a wall [m]: a robot put down beside it by its start."""
 
 
 class Promise(NamedTuple):
@@ -132,14 +133,16 @@ def _inside(record: Record) -> Judgement:
     for i, name in enumerate(record.names):
         radius = record.scenario.robot[name].radius
         x, y = record.pose[:, i, 0], record.pose[:, i, 1]
-        over = np.maximum.reduce([arena.x_min - x, x - arena.x_max, arena.y_min - y, y - arena.y_max]) + radius
-        out = over > _OUTSIDE
-        for first, last in episodes(out):
-            if disturbed[first, i]:
-                continue  # it was put down there, or driven there by somebody else
-            far = float(over[first:last].max())
-            what = f"{name} leaves the arena (by {far:.2f} m)"
-            breaches.append(Breach("inside", float(record.time[first]), (name,), what))
+        beyond = np.maximum.reduce([arena.x_min - x, x - arena.x_max, arena.y_min - y, y - arena.y_max])
+        reaches = [("leaves the arena", beyond)]
+        reaches += [(f"touches {wall}", -wall.distance(x, y)) for wall in record.scenario.walls]
+        for what, over in reaches:
+            for first, last in episodes(over + radius > _OUTSIDE):
+                if disturbed[first, i]:
+                    continue  # it was put down there, or driven there by somebody else
+                far = float(over[first:last].max()) + radius
+                time = float(record.time[first])
+                breaches.append(Breach("inside", time, (name,), f"{name} {what} (by {far:.2f} m)"))
     return Judgement(int((~disturbed).sum()), tuple(breaches))
 
 
@@ -183,7 +186,7 @@ PROMISES: Final = (
     Promise("blind", f"zero {COMMAND_AGE:g} s after the last good information ({CAMERA_AGE:g} s: camera)", blind),
     Promise("braking", "after a zero a robot travels at most its braking distance", braking, always=False),
     Promise("stop", f"a stopped robot stands, from {COMMAND_AGE:g} s on until it is resumed", stop, always=False),
-    Promise("inside", "nobody leaves the arena", _inside),
+    Promise("inside", "nobody leaves the arena or touches a wall", _inside),
     Promise("behaves", "no behaviour fails or ends by itself", _behaves),
     Promise("survives", "no process ends by itself with an error", _survives),
     Promise("finished", "every trial goes on to its end", _finished),

@@ -64,6 +64,8 @@ def _task_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
 def _fleet_lines(sheet: ScoreSheet) -> Iterable[tuple[str, str]]:
     """How well the fleet ran, independent of its task."""
     touched = counted(sheet.collisions, "collision") if sheet.collisions is not None else "- collisions"
+    if sheet.wall_contacts:
+        touched += f", {counted(sheet.wall_contacts, 'contact')} with walls"
     cpu = "processes.<process>.cpu_percent"
     yield "min separation", f"{_value(sheet, 'min_separation_m')}, {touched}"
     yield "pose age", _spread(sheet, "pose_age_ms")

@@ -1,9 +1,9 @@
 """Settings: TOML files become frozen values, or a :class:`~muro_zenoh.errors.ConfigError` that names the key.
 
-A fleet file describes a lab (``[all]``, ``[robot.r1]``, ``[arena]``, ``[camera.north]``, ``[bus]``, ``[clocks]``); a
-scenario describes a run (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``, ``[[fault]]``) and may name a
-fleet file with ``fleet = "lab.toml"``, or contain the fleet itself. ``[robot.r1]`` overrides ``[all]``, which overrides
-the defaults.
+A fleet file describes a lab (``[all]``, ``[robot.r1]``, ``[arena]``, ``[[wall]]``, ``[camera.north]``, ``[bus]``,
+``[clocks]``); a scenario describes a run (``[circle]``, ``[behaviour]``, ``[checks]``, ``[simulation]``, ``[[fault]]``)
+and may name a fleet file with ``fleet = "lab.toml"``, or contain the fleet itself. ``[robot.r1]`` overrides ``[all]``,
+which overrides the defaults.
 """
 
 from muro_zenoh.config.behaviour import check_behaviour, check_settings, make_behaviour, parameters_as, read_parameters

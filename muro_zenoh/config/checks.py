@@ -68,6 +68,7 @@ class Checks(Section, frozen=True, kw_only=True):
     fix_rate: Annotated[Rate | None, at_least("fix_rate_hz.<robot>")] = None
     pose_age_p99: Annotated[Period | None, at_most("pose_age_ms.p99")] = None
     collisions: Annotated[Count | None, at_most("collisions")] = None
+    wall_contacts: Annotated[Count | None, at_most("wall_contacts")] = None
     goals_missed: Annotated[Count | None, at_most("goals_missed")] = None
     goal_distance: Annotated[Length | None, at_most("goal_distance_m")] = None
     goal_heading: Annotated[AngleSize | None, at_most("goal_heading_rad")] = None

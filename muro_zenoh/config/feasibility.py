@@ -12,6 +12,7 @@ from muro_zenoh.config.reading import config_error
 from muro_zenoh.config.sections import HUNG, CameraSettings, Scenario
 from muro_zenoh.errors import ConfigError, ParameterError
 from muro_zenoh.planning.destination import require_inside
+from muro_zenoh.walls import require_clear
 
 POSE_PERIOD: Final = 0.05
 """Time between two poses of a robot [s]."""
@@ -25,11 +26,13 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
         origin: the origin of its keys, for errors.
 
     Raises:
-        ConfigError: an empty arena, two robots with one tag, a circle outside the arena, too many robots for it ...
+        ConfigError: an empty arena, a wall outside it, two robots with one tag, a circle outside the arena, too many
+            robots for it ...
     """
     a = s.arena
     if not (a.x_min < a.x_max and a.y_min < a.y_max):
         raise ConfigError(origin.at("arena"), got=str(a), expected="x_min < x_max and y_min < y_max")
+    _check_walls(s, origin)
     _check_tags(s, origin)
     _check_timeouts(s, origin)
     for name, camera in s.camera.items():
@@ -40,6 +43,18 @@ def check_feasible(s: Scenario, origin: Origin) -> None:
     _check_goals(s, origin)
     _check_starts(s, origin)
     _check_orders(s, origin)
+
+
+def _check_walls(s: Scenario, origin: Origin) -> None:
+    for index, row in enumerate(s.wall):
+        for key, (x, y) in (("start", row.start), ("end", row.end)):
+            if not s.arena.holds(x, y):
+                raise ConfigError(
+                    origin.at(f"wall[{index}].{key}"),
+                    got=f"({x:g}, {y:g}), outside the arena",
+                    expected=str(s.arena),
+                    hint="Let the wall end at the arena's edge.",
+                )
 
 
 def _check_timeouts(s: Scenario, origin: Origin) -> None:
@@ -119,7 +134,7 @@ def _check_goals(s: Scenario, origin: Origin) -> None:
             continue  # a run may have fewer robots than the file has goals for
         for index, (x, y, *_) in enumerate(goals):
             try:
-                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.vehicle(name).wall_distance)
+                require_inside(f"goals.{name}[{index}]", x, y, s.arena, s.vehicle(name).wall_distance, s.walls)
             except ParameterError as error:
                 raise config_error(error, origin, "") from None
     _check_last_goals(s, origin)
@@ -148,6 +163,7 @@ def _check_starts(s: Scenario, origin: Origin) -> None:
         x, y, _ = s.starts[name]
         try:
             require_inside(f"starts.{name}", x, y, s.arena, s.robot[name].radius)
+            require_clear(f"starts.{name}", x, y, s.walls, s.vehicle(name).wall_distance)
         except ParameterError as error:
             raise config_error(error, origin, "") from None
     for one, other in combinations(s.robot, 2):

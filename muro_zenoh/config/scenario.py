@@ -33,6 +33,7 @@ from muro_zenoh.config.sections import (
     StartRow,
 )
 from muro_zenoh.config.timeouts import TIMEOUTS
+from muro_zenoh.config.wall import WallRow
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Name, Value
 from muro_zenoh.quantities import Period
@@ -62,6 +63,7 @@ _TOP = (
     "robots",
     "all",
     "robot",
+    "wall",
     "camera",
     "behaviour",
     "goals",
@@ -126,6 +128,7 @@ def parse_scenario(table: Mapping[str, Any], file: str | Origin, *, name: str, r
         description=read_value(str, table.get("description", ""), origin, "description"),
         duration=duration,
         robot=robot,
+        wall=_rows(WallRow, table, "wall", origin),
         camera=cameras,
         behaviour=_behaviour(_table(table, "behaviour", origin), origin),
         goals={

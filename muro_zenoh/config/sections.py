@@ -13,6 +13,7 @@ from muro_zenoh.config.faults import Fault
 from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.schema import Section
 from muro_zenoh.config.timeouts import TIMEOUTS, Timeouts
+from muro_zenoh.config.wall import Point, WallRow
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds, Circle, TagMount, View
 from muro_zenoh.messages import Name, Value
@@ -32,9 +33,9 @@ from muro_zenoh.quantities import (
     TurningRate,
 )
 from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
+from muro_zenoh.walls import Wall
 
 Pixel = Annotated[tuple[Annotated[float, Quantity("px")], ...], Meta(min_length=2, max_length=2)]
-Point = Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=2)]
 StartRow = Annotated[tuple[Number, ...], Meta(min_length=3, max_length=3)]
 GoalRow = Annotated[tuple[Number, ...], Meta(min_length=2, max_length=3)]
 Distortion = Annotated[tuple[Number, ...], Meta(min_length=5, max_length=5)]
@@ -300,6 +301,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         duration: duration of the run [s].
         robot: the robots by name.
         arena: the floor.
+        wall: the walls on it, from ``[[wall]]``.
         camera: the cameras by name.
         circle: the initial circle.
         bus: how to connect to the other processes.
@@ -320,6 +322,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     duration: Period = 60.0
     robot: dict[Name, RobotSettings]
     arena: Bounds = ARENA
+    wall: tuple[WallRow, ...] = ()
     camera: dict[Name, CameraSettings] = field(default_factory=dict)
     circle: Circle = CIRCLE
     bus: BusSettings = BusSettings()
@@ -359,7 +362,7 @@ class Scenario(Section, frozen=True, kw_only=True):
         robot = self.robot[name]
         apart = self.separation
         margins = (apart.margin, apart.wall_margin) if apart.enabled else (0.0, 0.0)
-        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena, *margins)
+        return Vehicle(name, robot.radius, robot.v_max, robot.omega_max, robot.lag, self.arena, *margins, self.walls)
 
     def separation_of(self, name: str) -> Separation | None:
         """A robot's separation filter; None where it is off.
@@ -370,7 +373,12 @@ class Scenario(Section, frozen=True, kw_only=True):
         if not self.separation.enabled:
             return None
         bodies = {each: robot.body for each, robot in self.robot.items()}
-        return Separation(name, bodies[name], bodies, self.arena, self.separation)
+        return Separation(name, bodies[name], bodies, self.arena, self.separation, self.walls)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """The walls inside the arena."""
+        return tuple(row.wall for row in self.wall)
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -1,4 +1,5 @@
-"""A ride to one goal: plan a Dubins path inside the arena, first turn on the spot if necessary, and follow the path.
+"""A ride to one goal: plan a Dubins path inside the arena, clear of its walls, and follow it; first turn on the spot if
+necessary.
 
 The behaviours ``dubins`` and ``coverage`` call it at each estimate, in agent and rollout.
 """
@@ -16,6 +17,7 @@ from muro_zenoh.geometry import STILL, Bounds, Pose2, Twist2, wrap_to_pi
 from muro_zenoh.planning.arena import plan_after_turn, plan_inside
 from muro_zenoh.planning.destination import Destination, goal_pose
 from muro_zenoh.planning.path import Path
+from muro_zenoh.walls import Wall
 
 TIGHTER: Final = (1.0, 0.7, 0.5)
 """Turning radii to try, as fractions of the configured one, until the path is inside the arena."""
@@ -42,6 +44,7 @@ class RideSettings:
         replan_beyond: a new path is planned when the robot is further than this from the path [m].
         arrive_within: a new path is planned when the robot ends a path further than this from the goal [m].
         arrive_facing: the same for the goal's heading, if it has one [rad].
+        walls: the walls inside the arena.
     """
 
     profile: SpeedProfile
@@ -52,6 +55,7 @@ class RideSettings:
     replan_beyond: float = 0.15
     arrive_within: float = 0.03
     arrive_facing: float = 0.12
+    walls: tuple[Wall, ...] = ()
 
 
 class Ride(NamedTuple):
@@ -119,7 +123,8 @@ def set_out(pose: Pose2, goal: Destination, v: float, settings: RideSettings) ->
     for plan in (plan_inside, plan_after_turn):
         for fraction in TIGHTER:
             try:
-                path = plan(pose, target, fraction * settings.radius, settings.bounds, settings.margin)
+                radius = fraction * settings.radius
+                path = plan(pose, target, radius, settings.bounds, settings.margin, settings.walls)
             except PlanningError as error:
                 refused = refused or error
                 continue

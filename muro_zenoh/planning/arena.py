@@ -1,16 +1,19 @@
-"""Paths that stay inside the arena; goals and paths that do not are refused with the reason."""
+"""Paths that stay inside the arena and clear of its walls; goals and paths that do not are refused with the reason."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Bounds, Pose2, wrap_to_pi
+from muro_zenoh.planning.clearance import clearance
 from muro_zenoh.planning.destination import require_inside
 from muro_zenoh.planning.dubins import WORDS, Word, all_words, path_of
 from muro_zenoh.planning.path import Path
+from muro_zenoh.walls import Wall
 
 
 def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None:
@@ -34,8 +37,33 @@ def require_path_inside(path: Path, bounds: Bounds, margin: float = 0.0) -> None
         )
 
 
-def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0) -> Path:
-    """The shortest Dubins path, of the six words, that stays inside the arena.
+def require_path_clear(path: Path, walls: Sequence[Wall], margin: float) -> None:
+    """Refuse a path that comes too near a wall inside the arena.
+
+    Args:
+        path: the path.
+        walls: the walls.
+        margin: distance that the robot's centre keeps from them [m]; at the start it may be nearer.
+
+    Raises:
+        PlanningError: the path comes too near; the message says which wall, and how near.
+    """
+    for wall in walls:
+        keep = min(margin, wall.distance(path.start.x, path.start.y))
+        away = clearance(path, wall)
+        if away < keep - 1e-9:
+            meets = f"comes within {away:.3f} m of" if away > 0.0 else "crosses"
+            raise PlanningError(
+                f"path from ({path.start.x:.3f}, {path.start.y:.3f}) to ({path.end.x:.3f}, {path.end.y:.3f}) m {meets} "
+                f"{wall}: expected {margin:g} m from it. Set goals on the way round it, such as one in front of a "
+                "doorway and one behind"
+            )
+
+
+def plan_inside(
+    start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0, walls: Sequence[Wall] = ()
+) -> Path:
+    """The shortest Dubins path, of the six words, that stays inside the arena and clear of the walls in it.
 
     Args:
         start: where the path begins [world].
@@ -43,12 +71,14 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
         radius: the turning radius [m], above 0.
         bounds: the arena.
         margin: distance that the robot's centre keeps from the walls [m]; a path may start nearer to a wall than this.
+        walls: the walls inside the arena.
 
     Raises:
-        PlanningError: the goal is outside, or every word leaves the arena; the message is that of the shortest.
+        PlanningError: the goal is outside or at a wall, or every word leaves the arena or comes too near a wall; the
+            message is that of the shortest.
     """
     try:
-        require_inside("goal", goal.x, goal.y, bounds, margin)
+        require_inside("goal", goal.x, goal.y, bounds, margin, walls)
     except ParameterError as error:
         raise PlanningError(str(error)) from None
     inside = bounds.shrunk(margin)
@@ -65,6 +95,7 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
         path = path_of(start, Word(WORDS[k], *sizes), radius)
         try:
             require_path_inside(path, room)
+            require_path_clear(path, walls, margin)
         except PlanningError as error:
             refused = refused or error
         else:
@@ -74,7 +105,13 @@ def plan_inside(start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin
 
 
 def plan_after_turn(
-    start: Pose2, goal: Pose2, radius: float, bounds: Bounds, margin: float = 0.0, step: float = math.pi / 12
+    start: Pose2,
+    goal: Pose2,
+    radius: float,
+    bounds: Bounds,
+    margin: float = 0.0,
+    walls: Sequence[Wall] = (),
+    step: float = math.pi / 12,
 ) -> Path:
     """A path inside the arena after the smallest turn on the spot that makes one possible.
 
@@ -87,6 +124,7 @@ def plan_after_turn(
         radius: the turning radius [m], above 0.
         bounds: the arena.
         margin: distance that the robot's centre keeps from the walls [m].
+        walls: the walls inside the arena.
         step: turns are tried in multiples of this, to the left and to the right [rad].
 
     Raises:
@@ -98,7 +136,7 @@ def plan_after_turn(
         for side in (1.0, -1.0) if k else (0.0,):
             turned = start if k == 0 else Pose2(start.x, start.y, wrap_to_pi(start.theta + side * k * step))
             try:
-                return plan_inside(turned, goal, radius, bounds, margin)
+                return plan_inside(turned, goal, radius, bounds, margin, walls)
             except PlanningError as error:
                 refused = refused or error
     assert refused is not None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from muro_zenoh.errors import ParameterError
 from muro_zenoh.geometry import Bounds, Pose2
 from muro_zenoh.quantities import Coordinate, Quantity, check_quantities
+from muro_zenoh.walls import Wall, require_clear
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,9 @@ class Destination:
         check_quantities(self)
 
 
-def require_inside(what: str, x: float, y: float, bounds: Bounds, margin: float = 0.0) -> None:
+def require_inside(
+    what: str, x: float, y: float, bounds: Bounds, margin: float = 0.0, walls: Sequence[Wall] = ()
+) -> None:
     """Refuse a goal that a robot cannot reach.
 
     Args:
@@ -40,10 +44,11 @@ def require_inside(what: str, x: float, y: float, bounds: Bounds, margin: float 
         x: the goal [m, world].
         y: the goal [m, world].
         bounds: the arena.
-        margin: distance that the robot's centre keeps from the border [m], such as the robot's radius.
+        margin: distance that the robot's centre keeps from the border [m], such as the robot's radius, and from walls.
+        walls: the walls inside the arena.
 
     Raises:
-        ParameterError: the goal is outside the arena, or too near its border.
+        ParameterError: the goal is outside the arena, or too near its border or a wall.
     """
     inside = bounds.shrunk(margin)
     if not inside.holds(x, y):
@@ -54,6 +59,7 @@ def require_inside(what: str, x: float, y: float, bounds: Bounds, margin: float 
             expected=f"{inside}{keep}",
             hint="Choose a goal inside.",
         )
+    require_clear(what, x, y, walls, margin)
 
 
 def goal_heading(pose: Pose2, x: float, y: float) -> float:

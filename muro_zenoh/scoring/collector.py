@@ -266,6 +266,7 @@ class Collector:
             pose_to_command=self._agents.pose_to_command,
             fix_rate={name: self.fix_rate(name) for name in self._robots},
             collisions=self._simulator.collisions,
+            wall_contacts=self._simulator.wall_contacts,
             min_separation=self._simulator.min_separation,
             calibration={name: self.calibrated(name) for name in self._robots},
             calibration_error_10s=self._error_after,

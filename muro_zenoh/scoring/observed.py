@@ -133,6 +133,7 @@ class Observed:
         pose_to_command: for each pose, the time from its arrival to the command that used it [s].
         fix_rate: accepted fixes per second, by robot [Hz].
         collisions: the simulator's count; None without a simulator.
+        wall_contacts: the same.
         min_separation: smallest distance between two centres [m]; None without a simulator, or for one robot.
         calibration: cal0, calD, and the simulator's hidden scales of omega and v, by robot.
         calibration_error_10s: worst relative error of the two after 10 s of circling, by robot.
@@ -156,6 +157,7 @@ class Observed:
     pose_to_command: Sequence[float] = ()
     fix_rate: Mapping[str, float | None] = field(default_factory=dict)
     collisions: int | None = None
+    wall_contacts: int | None = None
     min_separation: float | None = None
     calibration: Mapping[str, Calibrated] = field(default_factory=dict)
     calibration_error_10s: Mapping[str, float | None] = field(default_factory=dict)

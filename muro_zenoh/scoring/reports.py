@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -130,13 +131,21 @@ class SimulatorReports:
     min_separation: float | None = None
     scales: dict[str, float] = field(default_factory=dict)
     _epoch: int | None = None
-    _before: int = 0
-    _now: int = 0
+    _before: Counter[str] = field(default_factory=Counter)
+    _now: Counter[str] = field(default_factory=Counter)
 
     @property
     def collisions(self) -> int | None:
         """Episodes of two robots touching; None before the first report."""
-        return self._before + self._now if self._epoch is not None else None
+        return self._counted("collisions")
+
+    @property
+    def wall_contacts(self) -> int | None:
+        """Episodes of a robot touching a wall; None before the first report."""
+        return self._counted("wall_contacts")
+
+    def _counted(self, key: str) -> int | None:
+        return self._before[key] + self._now[key] if self._epoch is not None else None
 
     def add(self, health: Health) -> None:
         """Add a report.
@@ -145,8 +154,8 @@ class SimulatorReports:
             health: the report.
         """
         if health.epoch != self._epoch:
-            self._epoch, self._before, self._now = health.epoch, self._before + self._now, 0
-        self._now = int(health.numbers.get("collisions", 0.0))
+            self._epoch, self._before = health.epoch, self._before + self._now
+        self._now = Counter({key: int(health.numbers.get(key, 0.0)) for key in ("collisions", "wall_contacts")})
         separation = health.numbers.get("min_separation_m")
         if separation is not None:
             before = self.min_separation

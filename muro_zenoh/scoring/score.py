@@ -62,6 +62,7 @@ def score_run(seen: Observed, checks: Checks) -> ScoreSheet:
         truth_known=_truth_known(seen),
         min_separation_m=seen.min_separation,
         collisions=seen.collisions,
+        wall_contacts=seen.wall_contacts,
         pose_age_ms=DelaySpread.of_seconds(seen.pose_age),
         pose_to_command_ms=DelaySpread.of_seconds(seen.pose_to_command),
         fix_rate_hz={name: seen.fix_rate.get(name) for name in seen.robots},

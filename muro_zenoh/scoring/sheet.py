@@ -204,6 +204,13 @@ class ScoreSheet(Table):
             "bodies pass through each other"
         ),
     ]
+    wall_contacts: Annotated[
+        int | None,
+        Row(
+            "episodes of a body that reaches over a wall inside the arena (`[[wall]]`) or over the arena's edge, since "
+            "the simulator's start, in its own steps; bodies pass through walls"
+        ),
+    ]
     pose_age_ms: Annotated[
         DelaySpread,
         Row(

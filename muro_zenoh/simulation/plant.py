@@ -1,6 +1,7 @@
 """Simulated robots: unicycles whose wheels have lag, scale errors and slip.
 
-Used by the simulator process and by the lock-step rollout. Bodies pass through each other; contacts are counted.
+Used by the simulator process and by the lock-step rollout. Bodies pass through each other and
+through walls; contacts are counted.
 """
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ from muro_zenoh.arrays import ARRAYS
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
 from muro_zenoh.simulation.noise import GaussianRows
+from muro_zenoh.walls import Wall
+
+_TOUCHES = 1e-6
+"""A body touches a wall that is nearer than its edge by this [m]: one may be put down beside it."""
 
 
 class Plant:
@@ -32,6 +37,7 @@ class Plant:
             distance [rad/sqrt(m)].
         count_contacts: whether to check every pair of robots in every step; False for independent trials.
         add_odometry: whether to integrate the encoders' poses; their twists are always available.
+        walls: the walls with which contacts are counted.
 
     Raises:
         ValueError: inconsistent shapes, or a drive error outside [0, 1).
@@ -48,6 +54,7 @@ class Plant:
         slip: float = 0.005,
         count_contacts: bool = True,
         add_odometry: bool = True,
+        walls: Sequence[Wall] = (),
     ) -> None:
         starts = np.asarray(starts, dtype=np.float64)
         if starts.ndim != 2 or starts.shape[1] != 3:
@@ -74,12 +81,17 @@ class Plant:
         """Simulated time since the start [s]."""
         self.contacts: int = 0
         """Number of episodes so far in which two centres were closer than the sum of the radii."""
+        self.wall_contacts: int = 0
+        """Number of episodes so far in which a body reached over a wall."""
         self.min_separation: float = float("inf")
         """Minimum distance so far between two centres [m]; infinite for one robot."""
         self._pairs = np.triu_indices(n if count_contacts else 0, k=1)
         radii = np.broadcast_to(np.asarray(radius, dtype=np.float64), (n,))
         self._touch = radii[self._pairs[0]] + radii[self._pairs[1]]
         self._touching = np.zeros(len(self._touch), dtype=bool)
+        self._walls = walls
+        self._radii = radii
+        self._at_wall = np.zeros((len(walls), n), dtype=bool)
         self._look()
 
     def __len__(self) -> int:
@@ -162,11 +174,15 @@ class Plant:
         self._speeds[:, robot] = 0.0
 
     def _look(self) -> None:
-        """Update contacts and minimum distance from all pairs."""
+        """Update contacts and minimum distance from all pairs, and contacts with walls."""
         first, second = self._pairs
+        x, y = self._state[0, 0], self._state[1, 0]
+        for k, wall in enumerate(self._walls):
+            reaches = wall.distance(x, y) < self._radii - _TOUCHES
+            self.wall_contacts += int(np.count_nonzero(reaches & ~self._at_wall[k]))
+            self._at_wall[k] = reaches
         if not len(first):
             return
-        x, y = self._state[0, 0], self._state[1, 0]
         distance = np.hypot(x[first] - x[second], y[first] - y[second])
         touching = distance < self._touch
         self.contacts += int(np.count_nonzero(touching & ~self._touching))

@@ -11,6 +11,8 @@ from muro_zenoh.elementwise import Array
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.safety.separation import SeparationSettings
+from muro_zenoh.walls import Wall
+from muro_zenoh.wording import counted
 
 _TRIES = 400
 _LAYOUTS = 50
@@ -23,6 +25,7 @@ def starts_of(
     bounds: Bounds,
     radii: Array,
     margin: float,
+    walls: Sequence[Wall] = (),
 ) -> Array:
     """The poses at which robots start: the given ones, or random ones.
 
@@ -33,6 +36,7 @@ def starts_of(
         bounds: the arena.
         radii: of the bodies (n,) [m].
         margin: of random poses: minimum gap between two bodies, and between a body and a wall [m].
+        walls: the walls inside the arena.
 
     Returns:
         (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
@@ -42,7 +46,7 @@ def starts_of(
     """
     if given:
         return np.array([given[name] for name in names], dtype=np.float64)
-    return random_starts(rng, len(names), bounds, radii, margin)
+    return random_starts(rng, len(names), bounds, radii, margin, walls)
 
 
 def random_starts(
@@ -51,6 +55,7 @@ def random_starts(
     bounds: Bounds,
     radius: float | Array,
     margin: float = SeparationSettings().margin,
+    walls: Sequence[Wall] = (),
 ) -> Array:
     """Random poses that touch neither each other nor the walls.
 
@@ -61,6 +66,7 @@ def random_starts(
         radius: of the bodies [m], of all robots or (n,).
         margin: minimum gap between two bodies, and between a body and a wall [m]; by default what the separation filter
             keeps, for closer robots are held where they are until one of them leaves.
+        walls: the walls inside the arena.
 
     Returns:
         (n, 3): x, y [m, world], theta [rad, (-pi, pi]].
@@ -79,17 +85,18 @@ def random_starts(
     most = 0
     if bodies <= 0.9069 * width * height:  # the densest packing of equal discs
         for _ in range(_LAYOUTS):
-            poses = _lay_out(rng, bounds, radii, margin)
+            poses = _lay_out(rng, bounds, radii, margin, walls)
             if len(poses) == n:
                 return poses
             most = max(most, len(poses))
+    between = f" with {counted(len(walls), 'wall')} in it" if walls else ""
     raise PlanningError(
         f"{n} robots (bodies of {bodies:.2f} m^2) do not fit in an arena of {width:g} x {height:g} m "
-        f"({width * height:.2f} m^2) without touching; {most} were placed: use fewer robots or a larger arena"
+        f"({width * height:.2f} m^2) without touching{between}; {most} were placed: use fewer robots or a larger arena"
     )
 
 
-def _lay_out(rng: np.random.Generator, bounds: Bounds, radii: Array, margin: float) -> Array:
+def _lay_out(rng: np.random.Generator, bounds: Bounds, radii: Array, margin: float, walls: Sequence[Wall]) -> Array:
     """Poses placed one after the other, until one finds no free position."""
     poses = np.empty((len(radii), 3))
     for i, own in enumerate(radii):
@@ -102,7 +109,10 @@ def _lay_out(rng: np.random.Generator, bounds: Bounds, radii: Array, margin: flo
             )
         )
         away = np.hypot(tries[:, None, 0] - poses[None, :i, 0], tries[:, None, 1] - poses[None, :i, 1])
-        free = np.flatnonzero((away > own + radii[:i] + margin).all(axis=1))
+        clear = (away > own + radii[:i] + margin).all(axis=1)
+        for wall in walls:
+            clear &= wall.distance(tries[:, 0], tries[:, 1]) > own + margin
+        free = np.flatnonzero(clear)
         if not len(free):
             return poses[:i]
         poses[i] = tries[free[0]]

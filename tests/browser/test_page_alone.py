@@ -8,11 +8,13 @@ import mimetypes
 import re
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from playwright.async_api import Browser
 
 from tests.support.browser import STATIC, Visit, visit
-from tests.support.played_base import NAMES, PlayedBase, There, receipt, serve
+from tests.support.played_base import NAMES, PlayedBase, There, hello, receipt, serve
 from tests.support.waiting import seconds
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package")]
@@ -27,6 +29,28 @@ async def shows_stopped(there: There, **stop: Any) -> None:
 
 async def focused(opened: Visit) -> str:
     return str(await opened.page.evaluate("document.activeElement.textContent"))
+
+
+# ---- the floor
+
+
+async def test_walls_are_drawn_where_they_are(there: There) -> None:
+    opened, base = there
+    sides, doorway, beside = ((1.23, -0.9), (1.23, 0.9)), (1.23, 0.3), (1.33, 0.9)
+
+    async def painted(*places: tuple[float, float]) -> list[list[int]]:
+        pixels = [await opened.muro(f"screenAt({x}, {y})") for x, y in places]
+        picture = np.frombuffer(await opened.page.locator("#floor").screenshot(), np.uint8)
+        image = cv2.imdecode(picture, cv2.IMREAD_COLOR)
+        return [image[round(y), round(x)].tolist() for x, y in pixels]
+
+    (floor,) = await painted(doorway)
+    assert await painted(*sides, beside) == [floor] * 3
+    base.send(hello(NAMES, walls=((1.23, -1.5, 1.23, -0.4), (1.23, 0.4, 1.23, 1.5))))
+    async with asyncio.timeout(seconds(5)):
+        while floor in await painted(*sides):
+            await opened.page.wait_for_timeout(50)
+    assert await painted(doorway, beside) == [floor] * 2
 
 
 # ---- resume

@@ -36,7 +36,7 @@ class TestWhatItShows:
         async with fleet.client() as client:
             await client.until(lambda: client.hello, 5.0, "a greeting")
             hello = client.hello
-            assert hello["arena"] == [-2.1, -1.5, 2.1, 1.5]
+            assert (hello["arena"], hello["walls"]) == ([-2.1, -1.5, 2.1, 1.5], [])
             assert hello["robots"]["r1"] == {"radius": 0.177, "v_max": 0.5, "omega_max": 1.5, "margin": 0.046}
             assert hello["may_steer"] is True
             assert (hello["simulated"], hello["faults"]) == (False, {})

@@ -49,6 +49,7 @@ def hello(names: Sequence[str], **more: Any) -> Row:
         "realm": "muro",
         "scenario": "played",
         "arena": (-2.1, -1.5, 2.1, 1.5),
+        "walls": (),
         "robots": dict.fromkeys(names, robot),
         "cameras": {},
         "behaviours": _BEHAVIOURS,

@@ -127,13 +127,15 @@ async def test_the_first_report_covers_the_time_before_too(lab: Lab) -> None:
 
 async def test_collisions_are_added_up_over_restarts_of_the_simulator(lab: Lab) -> None:
     assert lab.observed().collisions is None
+    assert lab.observed().wall_contacts is None
     lab.collector.begin()
     await lab.health("simulator", "simulator", numbers={"collisions": 2, "min_separation_m": 0.3})
-    await lab.health("simulator", "simulator", numbers={"collisions": 3, "min_separation_m": 0.2})
+    await lab.health("simulator", "simulator", numbers={"collisions": 3, "wall_contacts": 1, "min_separation_m": 0.2})
     await lab.restart("simulator")
-    await lab.health("simulator", "simulator", numbers={"collisions": 1, "min_separation_m": 0.5})
+    await lab.health("simulator", "simulator", numbers={"collisions": 1, "wall_contacts": 2})
     seen = lab.observed()
     assert seen.collisions == 4
+    assert seen.wall_contacts == 3
     assert seen.min_separation == 0.2
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,12 @@ from muro_zenoh.config import (
     parse_scenario,
 )
 from muro_zenoh.config.sections import BusSettings
+from muro_zenoh.config.writing import as_toml
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.geometry import Circle
 from muro_zenoh.quantities import Speed, quantities
 from muro_zenoh.scoring.checks import CHECKS
+from muro_zenoh.walls import Wall
 
 ROOT = Path(__file__).parents[2]
 BUILT_IN = sorted((ROOT / "muro_zenoh" / "scenarios").glob("*.toml"))
@@ -96,6 +99,31 @@ def test_a_scenario_may_name_a_fleet_file(tmp_path: Path) -> None:
     assert lab.name == "run"
     assert lab.robot == {"anna": RobotSettings(tag=7, radius=0.1, v_max=0.2)}
     assert (lab.arena.x_max, lab.arena.y_max, lab.arena.x_min) == (3.0, 2.0, -2.1)
+
+
+def test_the_walls_are_those_of_the_fleet_file_or_the_scenario_s_own(tmp_path: Path) -> None:
+    write(tmp_path, "lab.toml", "[[wall]]\nstart = [0.0, -1.5]\nend = [0.0, -0.4]\n")
+    lab = load_scenario(write(tmp_path, "run.toml", 'fleet = "lab.toml"\nduration = 5\n'))
+    assert lab.walls == (Wall(0.0, -1.5, 0.0, -0.4),)
+    assert (
+        parse(as_table(lab)).walls == parse(tomllib.loads(as_toml(lab))).walls == lab.vehicle("r1").walls == lab.walls
+    )
+    own = 'fleet = "lab.toml"\n[[wall]]\nstart = [1, 1]\nend = [1, 0]\n'
+    assert load_scenario(write(tmp_path, "own.toml", own)).walls == (Wall(1.0, 1.0, 1.0, 0.0),)
+    write(tmp_path, "lab.toml", "[[wall]]\nstart = [0.0, -1.6]\nend = [0.0, -0.4]\n")
+    with pytest.raises(ConfigError, match=r"^lab\.toml: wall\[0\]\.start: got \(0, -1\.6\), outside the arena"):
+        load_scenario(tmp_path / "run.toml")
+
+
+def test_a_wall_leaves_room_for_what_is_beside_it() -> None:
+    table = {
+        "robots": 1,
+        "wall": [WALL],
+        "starts": {"r1": [-0.2, -1.0, 0.0]},
+        "goals": {"r1": [[0.2, -1.0], [0.0, 0.0]]},
+    }
+    small = {"name": "circle"}, {"x": -1.0, "radius": 0.6}
+    assert parse({**table, "behaviour": small[0], "circle": small[1]}).walls
 
 
 def test_the_command_line_overrides_the_file(tmp_path: Path) -> None:
@@ -174,6 +202,7 @@ def test_any_scenario_can_be_handed_to_a_process(
 
 # ---- what is wrong
 
+WALL = {"start": [0.0, -1.5], "end": [0.0, -0.4]}
 WRONG: list[tuple[dict[str, Any], str]] = [
     ({"colour": 1}, "lab.toml: colour: got an unknown key, expected one of fleet,"),
     ({"circel": {}}, "Did you mean circle?"),
@@ -246,6 +275,17 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"timeouts": {"command": 3}},
         "lab.toml: timeouts.command: got 3 (integer), expected a number at least 0.1 and at most 1 [s]",
     ),
+    ({"wall": {}}, "lab.toml: wall: got {} (table), expected rows [[wall]]"),
+    ({"wall": [WALL, 3]}, "lab.toml: wall[1]: got 3 (integer), expected a table"),
+    ({"wall": [{"start": [0.0, 1.0]}]}, "lab.toml: wall[0].end: got nothing, expected an array of a number [m]"),
+    ({"wall": [{**WALL, "end": [0.0]}]}, "lab.toml: wall[0].end: got [0.0] (array), expected an array of a number [m]"),
+    ({"wall": [{**WALL, "end": [0.0, float("nan")]}]}, "lab.toml: wall[0].end: got [0.0, nan] (array), expected"),
+    ({"wall": [{**WALL, "start": [float("inf"), 0.0]}]}, "lab.toml: wall[0].start: got [inf, 0.0] (array), expected"),
+    ({"wall": [{**WALL, "ends": [0.0, 1.0]}]}, "wall[0].ends: got an unknown key, expected one of start, end. Did you"),
+    (
+        {"wall": [WALL, {**WALL, "end": [0.0, -1.5]}]},
+        "lab.toml: wall[1].end: got (0, -1.5), where it starts, expected another place than start",
+    ),
     ({"duration": 0}, "lab.toml: duration: got 0 (integer), expected a number above 0"),
     ({"behaviour": {"name": 3}}, "lab.toml: behaviour.name: got 3 (integer), expected text"),
     ({"behaviour": {"name": "circle", "when": {"x": 1}}}, "lab.toml: behaviour.when: got {'x': 1} (table)"),
@@ -315,6 +355,41 @@ IMPOSSIBLE: dict[str, tuple[dict[str, Any], str]] = {
         {"robots": 1, "goals": {"r1": [[0.0, 0.0], [5.0, 0.0]]}},
         "lab.toml: goals.r1[1]: got (5, 0), outside the arena or too near its border, expected x -1.903 to 1.903, "
         "y -1.303 to 1.303 m, 0.197 m inside the border",
+    ),
+    "a wall outside the arena": (
+        {"wall": [WALL, {"start": [0.0, 0.4], "end": [0.0, 1.6]}]},
+        "lab.toml: wall[1].end: got (0, 1.6), outside the arena, expected x -2.1 to 2.1, y -1.5 to 1.5 m. Let the wall",
+    ),
+    "a goal at a wall": (
+        {"robots": 1, "wall": [WALL], "goals": {"r1": [[0.0, 0.0], [0.19, -1.0]]}},
+        "lab.toml: goals.r1[1]: got (0.19, -1), 0.190 m from the wall from (0, -1.5) to (0, -0.4), expected at least "
+        "0.197 m from every wall. Choose a place farther from it.",
+    ),
+    "a goal of all robots at a wall": (
+        {"wall": [WALL], "behaviour": {"name": "steer", "goals": [[0.0, -0.25]]}},
+        "lab.toml: behaviour.goals[0]: got (0, -0.25), 0.150 m from the wall from (0, -1.5) to (0, -0.4), expected",
+    ),
+    "a start at a wall": (
+        {"robots": 1, "wall": [WALL], "starts": {"r1": [-0.19, -1.0, 0.0]}},
+        "lab.toml: starts.r1: got (-0.19, -1), 0.190 m from the wall from (0, -1.5) to (0, -0.4), expected at least",
+    ),
+    "a circle through a wall": (
+        {"wall": [WALL], "behaviour": {"name": "circle"}},
+        "lab.toml: circle.radius: got 0.8 m around (0, 0), 0.000 m from the wall from (0, -1.5) to (0, -0.4), expected "
+        "a circle that is at least 0.197 m from every wall. Choose another centre or radius.",
+    ),
+    "a circle round a wall, too near it": (
+        {"wall": [{"start": [0.0, 0.0], "end": [0.0, -0.61]}], "behaviour": {"name": "pursuit"}},
+        "lab.toml: circle.radius: got 0.8 m around (0, 0), 0.190 m from the wall from (0, 0) to (0, -0.61), expected",
+    ),
+    "a circle beside a wall, too near it": (
+        {"wall": [{"start": [0.99, -1.0], "end": [0.99, 1.0]}], "behaviour": {"name": "circle"}},
+        "lab.toml: circle.radius: got 0.8 m around (0, 0), 0.190 m from the wall from (0.99, -1) to (0.99, 1)",
+    ),
+    "cells that go through walls": (
+        {"wall": [WALL], "behaviour": {"name": "coverage"}},
+        "lab.toml: behaviour.name: got coverage in an arena with 1 wall, expected an arena without [[wall]], because "
+        "Voronoi cells go through walls. Leave the walls out, or choose another behaviour.",
     ),
     "two last goals that two robots cannot both stand at": (
         {"robots": 3, "goals": {"r1": [[0.0, 0.0], [1.0, 0.0]], "r2": [[1.0, 0.0], [0.0, 1.0]], "r3": [[0.7, 0.2]]}},

@@ -205,6 +205,11 @@ class TestDescribing:
         assert corners[:, 0].min() < -2.1
         assert corners[:, 0].max() > 2.1
 
+    def test_walls_are_described_as_they_are_drawn(self) -> None:
+        wall = {"start": [0.0, -1.5], "end": [0.0, -0.4]}
+        assert describe(lab())["walls"] == []
+        assert describe(lab(wall=[wall]))["walls"] == [[0.0, -1.5, 0.0, -0.4]]
+
     def test_faults_have_targets_that_a_run_has(self) -> None:
         faults = describe_faults(lab())
         assert faults["crash"]["targets"] == ["r1/agent", "r2/agent", "basestation", "router"]

@@ -17,6 +17,7 @@ from muro_zenoh.config import parse_scenario
 from muro_zenoh.geometry import Circle, State
 from muro_zenoh.messages import FleetSnapshot, RobotState, RobotStatus
 from muro_zenoh.transport import Latest, MemoryNetwork, make_bus
+from muro_zenoh.walls import Wall
 from tests.support.clock import ManualClock
 
 LAB = parse_scenario({"robots": 3, "behaviour": {"name": "pursuit"}}, "lab.toml", name="lab")
@@ -121,3 +122,10 @@ def test_a_users_neighbours_are_as_old_as_they_are_now() -> None:
         ("r2", pytest.approx(0.4), "tracking"),
         ("r3", pytest.approx(0.4), "lost"),
     ]
+
+
+def test_a_user_sees_the_floor_with_its_walls() -> None:
+    walls = (Wall(0.0, -1.5, 0.0, -0.4),)
+    unused = Connection(*[lambda *_: pytest.fail("not asked for")] * 5)
+    robot = Robot(LAB.vehicle("r1")._replace(walls=walls), LAB.robot["r1"], {}, unused)
+    assert (robot.arena, robot.walls) == (LAB.arena, walls)

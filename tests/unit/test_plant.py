@@ -7,12 +7,15 @@ import math
 import numpy as np
 import pytest
 
+from agents.base.simulated import make_plant
+from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import PlanningError
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.safety.separation import SeparationSettings
 from muro_zenoh.simulation.plant import Plant
 from muro_zenoh.simulation.starts import random_starts
+from muro_zenoh.walls import Wall
 
 ARENA = Bounds(0.0, 4.2, 0.0, 3.0)
 IDEAL = WheelLimits(lag=0.0, a_max=1e9, alpha_max=1e9, brake=1e9)
@@ -128,6 +131,41 @@ def test_starts_touch_neither_each_other_nor_the_walls(seed: int) -> None:
     assert (abs(theta) <= math.pi).all()
     apart = np.hypot(x[:, None] - x, y[:, None] - y)[np.triu_indices(20, 1)]
     assert apart.min() >= 2 * radius + SeparationSettings().margin
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_starts_keep_clear_of_the_walls_inside_the_arena(seed: int) -> None:
+    walls = (Wall(2.0, 0.0, 2.0, 1.0), Wall(2.0, 1.8, 2.0, 3.0), Wall(0.5, 1.5, 1.5, 1.5))
+    starts = random_starts(np.random.default_rng(seed), 12, ARENA, 0.177, 0.05, walls)
+    assert min(wall.distance(x, y) for wall in walls for x, y, _ in starts.tolist()) >= 0.177 + 0.05
+    table = {"robots": 6, "wall": [{"start": [0.0, -1.5], "end": [0.0, 1.5]}]}
+    scenario = parse_scenario(table, "lab.toml", name="lab")
+    assert np.abs(make_plant(scenario, np.random.default_rng(seed)).pose[:, 0]).min() >= 0.177 + 0.046
+
+
+def test_walls_leave_less_room_for_starts() -> None:
+    comb = [Wall(0.35 * k, 0.0, 0.35 * k, 3.0) for k in range(1, 12)]
+    with pytest.raises(PlanningError, match=r"2 robots .* without touching with 11 walls in it; 0 were placed"):
+        random_starts(np.random.default_rng(0), 2, ARENA, 0.177, walls=comb)
+
+
+def test_contacts_with_walls_are_counted_by_episodes() -> None:
+    robot = plant([(0.5, 0.0, 0.0)], walls=[Wall(1.0, -1.0, 1.0, 1.0), Wall(0.0, 5.0, 1.0, 5.0)])
+    counts = []
+    for v in (0.2, 0.2, -0.2, -0.2, 0.2):  # by 0.4 m each
+        drive(robot, v, 0.0, 2.0)
+        counts.append(robot.wall_contacts)
+    assert counts == [1, 1, 2, 2, 3], "it has passed through, and back"
+    assert plant([(0.823, 0.0, 0.0)], walls=[Wall(1.0, -1.0, 1.0, 1.0)]).wall_contacts == 0, "it was put down beside it"
+
+
+def test_the_walls_of_a_scenario_are_those_inside_the_arena_and_around_it() -> None:
+    starts = {"r1": [-1.9, 1.0, 0.0], "r2": [-0.4, 0.0, 0.0]}
+    table = {"robots": 2, "wall": [{"start": [0.0, -1.0], "end": [0.0, 1.0]}], "starts": starts}
+    robots = make_plant(parse_scenario(table, "lab.toml", name="lab"), np.random.default_rng(0))
+    for command, count in ((0.0, 0), (0.3, 1), (-0.5, 2)):  # r2 drives into the wall; then r1 out of the arena
+        drive(robots, command, 0.0, 2.0)
+        assert robots.wall_contacts == count
 
 
 def test_impossible_starts_are_refused_with_both_numbers() -> None:

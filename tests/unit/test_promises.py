@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -17,6 +18,7 @@ from muro_zenoh.checking.promises import PROMISES, IncompleteRecord, judge
 from muro_zenoh.checking.record import PERIOD, Incident, Record
 from muro_zenoh.checking.trace import HealthReport, ProcessEnd
 from muro_zenoh.config.order import OrderRow
+from muro_zenoh.config.wall import WallRow
 from tests.support.records import aged, driving, fault, still
 
 
@@ -342,6 +344,27 @@ class TestInside:
         (breach,) = breaches(driving(still(1), 0, 0.0, 7.0, v=0.3), "inside")
         assert breach.time == pytest.approx(1.923 / 0.3, abs=0.05)
         assert str(breach) == "r1 leaves the arena (by 0.18 m) at 6.4 s"
+
+    def test_it_touches_a_wall(self) -> None:
+        record = driving(still(1), 0, 0.0, 6.0, v=0.3)
+        wall = WallRow(start=(1.0, 0.1), end=(1.0, 1.5))
+        record = dataclasses.replace(record, scenario=msgspec.structs.replace(record.scenario, wall=(wall,)))
+        # Its body of 0.177 m, whose centre passes the wall's end 0.1 m beside it, reaches that at x = 0.854 m.
+        (breach,) = breaches(record, "inside")
+        assert breach.time == pytest.approx(0.854 / 0.3, abs=0.05)
+        assert breach.what == "r1 touches the wall from (1, 0.1) to (1, 1.5) (by 0.08 m)"
+        record.pose[:, 0, 1] = -0.1
+        assert not breaches(record, "inside")
+
+    def test_it_was_put_down_on_a_wall(self) -> None:
+        record = with_effect(still(), "carry", 1.0, 1.5, x=1.0)
+        wall = WallRow(start=(1.0, -1.5), end=(1.0, 1.5))
+        record = dataclasses.replace(record, scenario=msgspec.structs.replace(record.scenario, wall=(wall,)))
+        record.pose[record.time > 1.5, 1, 0] = 0.9
+        assert not breaches(record, "inside")
+        record.pose[record.time > 6.0, 1, 0] = 0.5
+        record.pose[record.time > 8.0, 1, 0] = 0.9
+        assert len(breaches(record, "inside")) == 1
 
     def test_it_turns_round_in_time(self) -> None:
         assert not breaches(driving(still(1), 0, 0.0, 6.0, v=0.3), "inside")

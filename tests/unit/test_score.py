@@ -46,6 +46,7 @@ ALL_CHECKS = Checks(
     fix_rate=19.0,
     pose_age_p99=0.15,
     collisions=0,
+    wall_contacts=0,
     goals_missed=0,
     goal_distance=0.05,
     goal_heading=0.17,
@@ -183,6 +184,7 @@ def observed(expected: dict[str, Any] | None = None, **changes: Any) -> Observed
         "pose_to_command": [0.001, 0.003],
         "fix_rate": {"r1": 20.0, "r2": 19.5, "r3": 19.9},
         "collisions": 0,
+        "wall_contacts": 0,
         "min_separation": 0.41,
         "calibration": {"r1": Calibrated(1.05, 0.9, 0.98, 1.1)},
         "calibration_error_10s": {"r1": 0.04},
@@ -289,6 +291,8 @@ UNEVEN = Importance.from_function(lambda angle: 1.2 + math.sin(angle))
         ("pose_age_p99", None, {"pose_age": []}),
         ("collisions", 1, {"collisions": 1}),
         ("collisions", None, {"collisions": None}),
+        ("wall_contacts", 1, {"wall_contacts": 1}),
+        ("wall_contacts", None, {"wall_contacts": None}),
         ("radius_error_p95", None, {"samples": []}),
         ("goals_missed", 1, {"expected": {"goals": {"r1": ((2.0, 0.5),)}}}),
         ("goals_missed", None, {"expected": {"goals": {}}}),
@@ -516,6 +520,8 @@ def test_the_summary_of_the_fleet_is_in_the_units_of_the_rows() -> None:
 def test_one_of_a_thing_is_in_the_singular() -> None:
     (separation,) = [line for line in lines_of(observed(collisions=1)) if line.startswith("min separation")]
     assert separation.endswith(", 1 collision")
+    (separation,) = [line for line in lines_of(observed(wall_contacts=1)) if line.startswith("min separation")]
+    assert separation.endswith(", 0 collisions, 1 contact with walls")
     assert summary(replace(score_run(observed(), Checks()), robots=1)).startswith("pursuit: 1 robot, 60 s")
     assert [counted(n, "round") for n in (0, 1, 2)] == ["0 rounds", "1 round", "2 rounds"]
 

@@ -1,6 +1,6 @@
 /** The arena on its canvas: what is drawn, in which order, and when. */
 
-import { drawCameras, drawCircle, drawFloor, drawGaps } from "./floor_layer.js";
+import { drawCameras, drawCircle, drawFloor, drawGaps, drawWalls } from "./floor_layer.js";
 import { drawGoal, drawPlans } from "./plan_layer.js";
 import { drawRobots } from "./robot_layer.js";
 import { Trails } from "./trails.js";
@@ -101,6 +101,7 @@ export class Arena {
     const covered = this.pictures.on && this.pictures.draw(context, view, fleet.state?.t ?? 0);
     drawFloor(context, view, palette, hello.arena, covered);
     drawCameras(context, view, palette, hello.cameras);
+    drawWalls(context, view, palette, hello.walls);
     drawPlans(context, view, palette, robots, this.selected);
     const circle = this.circle ?? fleet.circle;
     if (circle !== null && (this.circle !== null || this.#circleMatters(robots))) {

@@ -1,4 +1,4 @@
-/** What lies on the floor: the arena, what cameras see, the circle with its importance, the gaps on it. */
+/** What lies on the floor: the arena with its walls, what cameras see, the circle with its importance, the gaps on it. */
 
 /** @typedef {CanvasRenderingContext2D} Context */
 /** @typedef {import("./view.js").View} View */
@@ -73,6 +73,27 @@ export function drawFloor(context, view, palette, [left, bottom, right, top], co
   context.textAlign = "right";
   context.textBaseline = "top";
   halo(context, palette, `grid ${step} m`, x + width - 2, y + height + 6, palette.muted);
+}
+
+/**
+ * The walls inside the arena.
+ *
+ * @param {Context} context
+ * @param {View} view
+ * @param {Palette} palette
+ * @param {import("./protocol.js").Wall[]} walls
+ */
+export function drawWalls(context, view, palette, walls) {
+  context.beginPath();
+  for (const [x, y, endX, endY] of walls) {
+    context.moveTo(view.px(x), view.py(y));
+    context.lineTo(view.px(endX), view.py(endY));
+  }
+  context.strokeStyle = palette.ink;
+  context.lineWidth = Math.max(3, 0.03 * view.scale);
+  context.lineCap = "round";
+  context.stroke();
+  context.lineCap = "butt";
 }
 
 /**

@@ -5,6 +5,7 @@
  *
  * @typedef {[number, number]} Point  x, y [m, world].
  * @typedef {[number, number, number, number]} Box  x_min, y_min, x_max, y_max [m, world].
+ * @typedef {[number, number, number, number]} Wall  from x, y to x, y [m, world].
  *
  * @typedef {object} RobotFacts  A robot of the fleet file.
  * @property {number} radius  of its body [m].
@@ -40,6 +41,7 @@
  * @property {string} realm
  * @property {string} [scenario]
  * @property {Box} arena
+ * @property {Wall[]} walls  those inside the arena.
  * @property {Record<string, RobotFacts>} robots  every robot of the fleet file.
  * @property {Record<string, BehaviourFacts>} behaviours
  * @property {Record<string, {outline: Point[]}>} cameras  the floor that each sees.

@@ -11,7 +11,7 @@ from muro_zenoh.safety.separation.body import Body, SharedSnapshot
 from muro_zenoh.safety.separation.certificate import Certificate
 from muro_zenoh.safety.separation.courtesy import Courtesy
 from muro_zenoh.safety.separation.guidance import FIDGET, UNHURRIED, Near, guided, rows_of, velocity_of, wall_rows
-from muro_zenoh.safety.separation.knowledge import WALL, Knowledge, Wall
+from muro_zenoh.safety.separation.knowledge import WALL, Knowledge
 from muro_zenoh.safety.separation.line import Point
 from muro_zenoh.safety.separation.liveness import (
     HORIZON,
@@ -24,6 +24,7 @@ from muro_zenoh.safety.separation.liveness import (
 )
 from muro_zenoh.safety.separation.route import Route
 from muro_zenoh.safety.separation.settings import SeparationSettings
+from muro_zenoh.walls import Wall
 
 _LOOK: Final = 1.6
 """Robots and walls nearer than this are looked at [m]."""
@@ -57,7 +58,7 @@ class Separation:
             be as large as the largest.
         arena: the floor with walls around it.
         settings: how to keep apart.
-        walls: walls inside the arena, each from x, y to x, y [m, world].
+        walls: the walls inside the arena.
     """
 
     def __init__(

@@ -14,9 +14,7 @@ from muro_zenoh.safety.separation.line import LEAST_NEED, Line, Point, Stretch, 
 from muro_zenoh.safety.separation.path import stopping_distance
 from muro_zenoh.safety.separation.reach import travel_toward
 from muro_zenoh.safety.separation.settings import SeparationSettings
-
-Wall = tuple[float, float, float, float]
-"""A wall inside the arena, from x, y to x, y [m, world]."""
+from muro_zenoh.walls import Wall
 
 WALL: Final = "the wall"
 _KEEPS_APART: Final = ("tracking", "silent")

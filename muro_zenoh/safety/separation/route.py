@@ -9,9 +9,10 @@ from typing import Final
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
 from muro_zenoh.safety.separation.gates import Gate, gate_ahead, gates_between, place_to_wait
 from muro_zenoh.safety.separation.guidance import Near, is_busy
-from muro_zenoh.safety.separation.knowledge import WALL, Wall
+from muro_zenoh.safety.separation.knowledge import WALL
 from muro_zenoh.safety.separation.line import Point, nearest_on
 from muro_zenoh.safety.separation.planner import Planner, Segment
+from muro_zenoh.walls import Wall
 
 _STANDS: Final = 1.0
 """A robot that has stood for this time looks for a way round what is near [s] ..."""
