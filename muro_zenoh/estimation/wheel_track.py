@@ -90,8 +90,8 @@ class WheelTrack:
                 self._file(knot)
         self._commands.append((t, v, omega))
         oldest = t - self._settings.history
-        if len(self._commands) > _MOST_COMMANDS or self._commands[0][0] < oldest:
-            self._commands = [sent for sent in self._commands[-_MOST_COMMANDS:] if sent[0] >= oldest]
+        while len(self._commands) > _MOST_COMMANDS or self._commands[0][0] < oldest:
+            del self._commands[0]
 
     def command_at(self, t: float, v: float, omega: float) -> tuple[float, float]:
         """The command in force at ``t``, the newest time that is known: zero when the newest has expired.

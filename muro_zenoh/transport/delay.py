@@ -105,10 +105,10 @@ class DelayTracker:
             measured = self._clock
         self.measured = measured
         measure, offset = self._last.observe(stamp, arrival), arrival - stamp
-        self.least = min(measure, offset)
+        self.least = least = measure if measure < offset else offset
         if measure - offset > LEAP:
             return offset - measure
-        return offset - min(self.least, measured)  # never younger than either says
+        return offset - (least if least < measured else measured)  # never younger than either says
 
     def _change_writer(self, epoch: int, arrival: float) -> None:
         self._epoch = epoch
