@@ -60,11 +60,11 @@ class Obedience:
             return
         # Small differences, of the model and of the moment at which a command counts, must not add up.
         share = passed / _FORGETTING
-        self._model = (
-            self._model[0] + share * (v - self._model[0]),
-            self._model[1] + share * (omega - self._model[1]),
-        )
-        if abs(v - self._model[0]) <= SPEED and abs(omega - self._model[1]) <= TURNING:
+        v_model, omega_model = self._model
+        v_model += share * (v - v_model)
+        omega_model += share * (omega - omega_model)
+        self._model = v_model, omega_model
+        if abs(v - v_model) <= SPEED and abs(omega - omega_model) <= TURNING:
             self.unruly, self._since = False, None
             return
         if self._since is None:

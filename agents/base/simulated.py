@@ -84,7 +84,7 @@ class Floor:
         self._clock = clock
         self._time = clock.now()
         self._watchdog = watchdog
-        self._given = np.full(len(plant), -math.inf)
+        self._given = [-math.inf] * len(plant)
         self._readings: list[WheelReading] = []  # cached until the plant moves
         self._begun = self._time
         self._hands: dict[int, Hand] = {}
@@ -138,7 +138,12 @@ class Floor:
 
     def _stop_old(self) -> None:
         """The watchdog: commands that are too old are followed no more."""
-        self.commands[self._time - self._given > self._watchdog] = 0.0
+        for row, given in enumerate(self._given):
+            if self._time - given > self._watchdog and self._has_watchdog(row):
+                self.commands[row] = 0.0
+
+    def _has_watchdog(self, row: int) -> bool:
+        return True
 
     def _step(self) -> None:
         """Advance the plant by one step."""

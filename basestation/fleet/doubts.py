@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 from muro_zenoh.geometry import Pose2, wrap_to_pi
@@ -115,10 +116,7 @@ def _path(
     now, driven, turned = begin, 0.0, 0.0
     if not speeds or speeds[0][0] > begin + _GAP or speeds[-1][0] < end - _GAP:
         return None
-    nexts = iter(speeds)
-    next(nexts)
-    for when, v, omega in speeds:
-        until = next(nexts, (end,))[0]
+    for (when, v, omega), (until, _, _) in pairwise((*speeds, (end, 0.0, 0.0))):
         if until - when > 2.0 * _GAP:
             return None
         step = (until if until < end else end) - now

@@ -98,6 +98,7 @@ class Coverage(Behaviour):
         self._parameters = parameters
         self._density = parameters.density()
         self._inside = vehicle.arena.shrunk(vehicle.wall_distance)
+        self._near = vehicle.arena.shrunk(-_OUTSIDE)
         self._ride = GoalRide(parameters.ride.settings(vehicle), Itinerary(), "waiting for the other robots")
         self._epoch = -1
         self._stamp = self._shown_at = -math.inf
@@ -145,11 +146,10 @@ class Coverage(Behaviour):
 
     def _covering(self, snapshot: Snapshot, stopped: frozenset[str]) -> tuple[dict[str, Point], bool]:
         """The positions of the robots that take part, and whether all of them are stationary."""
-        near = self._vehicle.arena.shrunk(-_OUTSIDE)
         places: dict[str, Point] = {}
         rest = True
         for robot in snapshot.robots:
-            if is_visible(robot) and robot.name not in stopped and near.holds(robot.x, robot.y):
+            if is_visible(robot) and robot.name not in stopped and self._near.holds(robot.x, robot.y):
                 places[robot.name] = (robot.x, robot.y)
                 rest = rest and abs(robot.v) < _REST and abs(robot.omega) < _REST_TURNING
         return places, rest

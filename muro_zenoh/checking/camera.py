@@ -21,7 +21,7 @@ from muro_zenoh.messages.base import require_usable
 from muro_zenoh.runtime.virtual_time import InlineExecutor
 from muro_zenoh.transport import Bus
 
-_SIGMA = (0.001, 0.001, 0.005)
+_SIGMA = np.array((0.001, 0.001, 0.005))
 """Standard deviation of a pose [m, m, rad] ..."""
 
 _COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 2.5e-5)
@@ -106,7 +106,7 @@ class SightingCamera:
 
     def _look(self, now: float) -> _Picture:
         poses = self._floor.plant.pose
-        seen = (poses + self._rng.normal(0.0, _SIGMA, poses.shape)).tolist()
+        seen = (poses + _SIGMA * self._rng.standard_normal(poses.shape)).tolist()
         rows = []
         for name, (x, y, theta) in zip(self._robots, seen, strict=True):
             if self._view.hidden[name]:

@@ -22,8 +22,7 @@ _LEAVE = 2.0
 
 
 _GARBAGE = 100_000
-"""Garbage in cycles is looked for after so many new objects. A trial leaves some thousand there: Python's own 700 are far
-too few."""
+"""Garbage in cycles is looked for after so many new objects: a trial leaves some thousand, Python's limit is 700."""
 
 
 class Done(NamedTuple, Generic[T, R]):

@@ -48,12 +48,8 @@ class World(Floor):
 
     # ---- what befalls the bodies
 
-    def _stop_old(self) -> None:
-        old = self._time - self._given > self._watchdog
-        if np.count_nonzero(old):
-            for row in np.flatnonzero(old & self.commands.any(axis=1)).tolist():
-                if not self.has_base(row):
-                    self.commands[row] = 0.0
+    def _has_watchdog(self, row: int) -> bool:
+        return not self.has_base(row)
 
     def _step(self) -> None:
         effective = self.commands

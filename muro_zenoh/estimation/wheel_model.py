@@ -57,7 +57,11 @@ def step_wheels(
     Returns:
         ``(v, omega)`` after ``dt``.
     """
-    one: Any = _follow_float if isinstance(v, float) else follow
+    one: Any = follow
+    if isinstance(v, float):
+        if v == v_cmd and omega == omega_cmd:  # mostly at rest
+            return v_cmd, omega_cmd
+        one = _follow_float
     return (
         one(v, v_cmd, limits.a_max, limits.brake, limits.lag, dt),
         one(omega, omega_cmd, limits.alpha_max, limits.alpha_brake, limits.lag, dt),
