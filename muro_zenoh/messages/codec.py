@@ -38,8 +38,8 @@ def decode(data: bytes, kind: type[M]) -> M:
         kind: the expected message type.
 
     Raises:
-        MessageError: the bytes are not such a message: not MessagePack, a wrong type, an unknown or missing field,
-            a number that is not finite or absurdly large, no stamp or an invalid one.
+        MessageError: the bytes are not such a message: more than :data:`MAX_PAYLOAD`, not MessagePack, a wrong type, an
+            unknown or missing field, a number that is not finite or absurdly large, no stamp or an invalid one.
     """
     message: M = decoder(kind)(data)
     return message
@@ -61,6 +61,8 @@ def decoder(kind: type[M]) -> Callable[[bytes], M]:
         nonlocal known
         if data is known[0] and known[1] is not None:
             return known[1]
+        if len(data) > MAX_PAYLOAD:
+            raise MessageError(f"got {len(data)} bytes, expected at most {MAX_PAYLOAD}")
         try:
             message: M = raw(data)
         except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
@@ -76,19 +78,6 @@ def decoder(kind: type[M]) -> Callable[[bytes], M]:
 
 def _holds_dict(annotation: Any) -> bool:
     return get_origin(annotation) is dict or any(map(_holds_dict, get_args(annotation)))
-
-
-def check_size(payload: bytes) -> None:
-    """Refuse a payload that is larger than any message, before it is decoded.
-
-    Args:
-        payload: the bytes.
-
-    Raises:
-        MessageError: it is larger than :data:`MAX_PAYLOAD`.
-    """
-    if len(payload) > MAX_PAYLOAD:
-        raise MessageError(f"got {len(payload)} bytes, expected at most {MAX_PAYLOAD}")
 
 
 def encoding_of(kind: type[Message]) -> str:

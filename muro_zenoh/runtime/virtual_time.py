@@ -244,11 +244,11 @@ class VirtualClock:
     def __init__(self, offset: float = 0.0) -> None:
         self.offset = offset
         self.drift = 0.0
-        self._time = asyncio.get_running_loop().time
+        self._loop = asyncio.get_running_loop()
 
     def now(self) -> float:
         """Seconds since 1970, as if the loop had started in November 2023."""
-        time = self._time()
+        time = self._loop.time()
         return 1.7e9 + (time + self.offset + self.drift * time)
 
 

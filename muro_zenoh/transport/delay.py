@@ -23,6 +23,7 @@ camera that was restarted on the same computer, on a link that has become slow b
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from muro_zenoh.transport.clock_offset import DRIFT
 
@@ -155,7 +156,7 @@ class _Window:
         self._drift = 0.0  # what the clocks may have parted by from the older bucket to the newer one
         self._newest = -math.inf  # stamp of a message on time
         self._went_back = False
-        self._spans: list[tuple[float, float]] = []  # least and greatest offset
+        self._spans: deque[tuple[float, float]] = deque(maxlen=_SPANS)  # least and greatest offset
         self._span_began = -math.inf
 
     def observe(self, stamp: float, arrival: float) -> float:
@@ -169,7 +170,6 @@ class _Window:
         if new_span:
             self._span_began = arrival
             self._spans.append((offset, offset))
-            del self._spans[:-_SPANS]
         else:
             low, high = self._spans[-1]
             self._spans[-1] = min(low, offset), max(high, offset)

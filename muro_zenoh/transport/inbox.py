@@ -16,7 +16,7 @@ from typing import Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
-from muro_zenoh.messages import Message, check_encoding, check_size, decoder, encoding_of
+from muro_zenoh.messages import Message, check_encoding, decoder, encoding_of
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.clock_offset import KnownClocks
 from muro_zenoh.transport.delay import DelayTracker
@@ -202,7 +202,6 @@ class Inbox(Declared, Generic[T]):
         tracker = self._delays.get(key)
         counters = self._counters
         try:
-            check_size(payload)
             if tracker is None:
                 self._check_key(key)
             if encoding != self._encoding:

@@ -13,7 +13,7 @@ import msgspec
 
 from muro_zenoh.channels import Role, Verb
 from muro_zenoh.errors import MessageError, MuroError, OrderRefused
-from muro_zenoh.messages import Message, Order, Reply, check_encoding, check_size, decode
+from muro_zenoh.messages import Message, Order, Reply, check_encoding, decode
 from muro_zenoh.runtime.clock import Clock
 from muro_zenoh.transport.clock_offset import RoundTrip
 from muro_zenoh.transport.link import Question
@@ -108,7 +108,6 @@ class Orders(Generic[T]):
 
     def _read(self, question: Question) -> T:
         try:
-            check_size(question.payload)
             check_encoding(question.encoding, self._verb.kind)
             return decode(question.payload, self._verb.kind)
         except MessageError:
