@@ -8,9 +8,10 @@ from itertools import combinations
 import pytest
 
 from muro_zenoh.geometry import Bounds, State
-from muro_zenoh.safety.separation.gates import gate_ahead, gates_between, place_to_wait
+from muro_zenoh.safety.separation.gates import Wait, Waits, gate_ahead, gates_between, place_to_wait
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
-from muro_zenoh.safety.separation.liveness import Patience, first_met, free_direction
+from muro_zenoh.safety.separation.knowledge import WALL
+from muro_zenoh.safety.separation.liveness import Patience, first_met, free_direction, roomiest
 from muro_zenoh.safety.separation.planner import CELL, SLICE, Planner, Segment
 from muro_zenoh.safety.separation.route import Route
 
@@ -148,8 +149,66 @@ def test_one_follows_another_through_a_gate() -> None:
     before = near(-0.3, 0.0, vx=0.4)
     assert place_to_wait(gate, -0.45, 0.4, [before], MY_TURN) is None
     assert place_to_wait(gate, -0.35, 0.35, [before], MY_TURN) == (-0.35, 0.35)
-    leaves = near(-0.3, 0.0, vx=-0.4, theta=math.pi)
-    assert place_to_wait(gate, -0.45, 0.4, [near(-0.6, 0.0, vx=0.4), leaves], THEIR_TURN) is not None
+
+
+def test_a_robot_waits_for_one_that_comes_out_until_that_is_out() -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    leaves, is_out = (near(x, 0.0, vx=-0.4, theta=math.pi) for x in (-0.2, -0.3))
+    for clock in (MY_TURN, THEIR_TURN):
+        assert place_to_wait(gate, -0.45, 0.4, [near(-0.6, 0.0, vx=0.4), leaves], clock) is not None
+        assert place_to_wait(gate, -0.45, 0.4, [near(-0.6, 0.0, vx=0.4), is_out], clock) is None
+
+
+@pytest.mark.parametrize("clock", [MY_TURN, THEIR_TURN])
+@pytest.mark.parametrize(("mine", "theirs", "goes"), [(5.0, 3.0, True), (3.0, 5.0, False)])
+def test_it_is_the_turn_of_the_side_on_which_a_robot_has_waited_longest(
+    clock: float, mine: float, theirs: float, goes: bool
+) -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    other = near(0.6, 0.5, omega=FIDGET, theta=math.pi)
+    waits = [Wait(-0.9, 0.0, 1.0), Wait(-0.6, -1.1, mine), Wait(0.6, 0.5, theirs), Wait(1.7, 0.0, 60.0)]
+    assert (place_to_wait(gate, -0.9, 0.0, [other], clock, waits) is None) is goes
+
+
+@pytest.mark.parametrize("seconds", [0.9, 5.0])
+def test_the_clock_decides_while_nobody_has_waited_or_both_sides_have_equally(seconds: float) -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    other = near(0.6, 0.0, omega=FIDGET, theta=math.pi)
+    waits = [Wait(-0.9, 0.0, 0.9), Wait(-0.9, 0.0, seconds), Wait(0.6, 0.0, seconds)]
+    places = [place_to_wait(gate, -0.9, 0.0, [other], clock, waits) for clock in (MY_TURN, THEIR_TURN)]
+    assert places[0] is None
+    assert places[1] is not None
+
+
+def test_how_long_robots_have_waited() -> None:
+    """Who gets on, or was out of sight, begins anew; one that is parked does not wait; one that turns to and fro does,
+    also in the moment in which it does not turn."""
+    waits = Waits()
+
+    def look(now: float, here: tuple[float, float], **others: Near) -> dict[tuple[float, float], float]:
+        rows = [other._replace(name=name) for name, other in others.items()]
+        return {(wait.x, wait.y): pytest.approx(wait.seconds) for wait in waits.look(now, here, rows)}
+
+    fidgets, parked = near(1.0, 0.0, omega=FIDGET), near(2.0, 0.0)
+    assert look(0.0, (0.0, 0.0), r1=fidgets, r2=parked, wall=near(0.0, 1.0)._replace(name=WALL)) == {
+        (0.0, 0.0): 0.0,
+        (1.0, 0.0): 0.0,
+    }
+    assert look(0.5, (0.2, 0.0), r1=fidgets._replace(omega=0.0)) == {(0.0, 0.0): 0.5, (1.0, 0.0): 0.5}
+    assert look(0.9, (0.4, 0.0)) == {(0.4, 0.0): 0.0}, "it has got on, and does not see the other one"
+    assert look(3.4, (0.4, 0.0), r1=fidgets) == {(0.4, 0.0): 2.5, (1.0, 0.0): 3.4}
+    assert look(4.5, (0.4, 0.0), r1=fidgets._replace(omega=0.0)) == {(0.4, 0.0): 3.6}, "it is parked"
+    assert look(7.6, (0.4, 0.0)) == {(0.4, 0.0): 6.7}
+    assert look(7.7, (0.4, 0.0), r1=fidgets) == {(0.4, 0.0): 6.8, (1.0, 0.0): 0.0}
+
+
+def test_a_route_knows_who_has_waited_longest() -> None:
+    """The others come, but it has waited longer: then it goes, although by the clock it is their turn."""
+    route = Route(ARENA, ARENA.shrunk(KEEP), DOOR, KEEP)
+    for k in range(41):
+        comes = near(1.4 - 0.02 * k, 0.0, vx=-0.4, theta=math.pi)
+        route.toward(0.05 * k, (-0.9, 0.0), (0.4, 0.0), (1.2, 0.0), [comes], 0.0, True, THEIR_TURN)
+        assert route.waits == (0.05 * k < 1.0)
 
 
 def test_each_waits_in_a_place_of_its_own() -> None:
@@ -207,7 +266,18 @@ def test_a_robot_that_has_backed_off_from_a_queue_is_patient_again() -> None:
     began = retreats.index(True)
     lasts = retreats[began:].index(False)
     assert 0.0501 * lasts < 2.7
-    assert 0.0501 * retreats[began + lasts :].index(True) > 2.0
+    assert 0.0501 * retreats[began + lasts :].index(True) > 1.2
+
+
+def test_from_a_queue_a_robot_backs_off_also_to_where_there_is_less_room() -> None:
+    """Elsewhere it stays: where all stand in a queue, they shut in those who come out of the gate."""
+    still, shut_in = State(0.0, 0.0, 0.0, 0.0, 0.0), [near(x, y) for x, y in ((-0.7, 0.0), (0.7, 0.0), (0.0, -0.7))]
+    for queues in (True, False):
+        patience = Patience(0)
+        steps = (patience.look(0.05 * k, still, True, queues) for k in range(400))
+        next(k for k, _ in enumerate(steps) if patience.retreating)
+        away = roomiest(still, shut_in, ARENA.shrunk(KEEP), 0.2, least_gain=patience.least_gain)
+        assert (away != (0.0, 0.0)) is queues
 
 
 def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:

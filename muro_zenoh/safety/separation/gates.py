@@ -1,7 +1,8 @@
-"""Right of way where two robots cannot pass: the sides take turns by the clock that all share, one robot after another.
+"""Right of way where two robots cannot pass: it is the turn of the side on which a robot has waited longest.
 
-A side whose turn it is goes, and so does the other while nobody comes from that side. Who is inside goes on. Those who
-wait line up beside the gate, on their right, and leave its middle to those who come out.
+While nobody has waited, the sides take turns by the clock that all share. A side whose turn it is goes, one robot after
+another, and so does the other while nobody comes from that side. Who is inside goes on. Those who wait line up beside
+the gate, on their right, and leave its middle to those who come out.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
+from muro_zenoh.safety.separation.knowledge import WALL
 from muro_zenoh.safety.separation.line import Point, Stretch, nearest_points
 
 _WIDEST: Final = 1.5
@@ -20,13 +22,23 @@ _WIDEST: Final = 1.5
 _ZONE: Final = 1.5
 """Robots this near to a gate's middle take part in its traffic [m]."""
 _TURN: Final = 8.0
-"""For how long it is one side's turn [s]: two or three robots pass."""
+"""For how long it is one side's turn by the clock [s]: two or three robots pass."""
+_WAITED: Final = 1.0
+"""The clock decides until a robot has waited for this time [s]."""
+_PLACE: Final = 0.3
+"""A robot that has come further than this from where it began to wait has got on [m]."""
+_FORGOTTEN: Final = 3.0
+"""One that was out of sight for this time begins anew [s]."""
+_PARKED: Final = 1.0
+"""One that has neither driven nor turned for this time does not wait: it is parked [s]."""
 _SPOTS: Final = ((0.55, 0.55), (0.6, 1.05), (1.05, 0.75), (1.1, 1.25), (1.55, 0.9))
 """Where to wait, the nearest to the gate first: back from its middle, and to the robot's right [m]."""
 _APART: Final = 0.5
 """Of those whose turn it is, each keeps this further from the gate's middle than the one before it [m]."""
 _INSIDE: Final = 0.1
 """Robots count as inside a gate up to this beyond half its width from its middle [m]."""
+_OUT: Final = 0.25
+"""One that comes out lets nobody wait any longer when its centre is this far beyond the gate's middle [m]."""
 
 
 class Gate(NamedTuple):
@@ -84,7 +96,67 @@ def gate_ahead(gates: Sequence[Gate], way: Sequence[Point]) -> Gate | None:
     return None
 
 
-def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near], clock: float) -> Point | None:
+class Wait(NamedTuple):
+    """A robot at ``x``, ``y`` [m, world] that has waited for some ``seconds``."""
+
+    x: float
+    y: float
+    seconds: float
+
+
+class _Stay(NamedTuple):
+    x: float
+    y: float
+    since: float
+    seen: float
+    took_part: float
+
+
+class Waits:
+    """For how long robots have waited. All see about the same, as they have the same snapshots."""
+
+    def __init__(self) -> None:
+        self._stays: dict[str, _Stay] = {}
+
+    def look(self, now: float, here: Point, near: Sequence[Near]) -> list[Wait]:
+        """The robots that wait, or drive and have not come far yet.
+
+        Args:
+            now: the time [s].
+            here: the position of the robot that looks, and that is on its way [m, world].
+            near: the neighbours.
+        """
+        self._see("", now, *here, True)
+        for other in near:
+            if other.name != WALL:
+                self._see(other.name, now, other.x, other.y, _takes_part(other))
+        self._stays = {name: stay for name, stay in self._stays.items() if now - stay.seen <= _FORGOTTEN}
+        seen = (stay for stay in self._stays.values() if stay.seen == now and now - stay.took_part < _PARKED)
+        return [Wait(stay.x, stay.y, now - stay.since) for stay in seen]
+
+    def _see(self, name: str, now: float, x: float, y: float, takes_part: bool) -> None:
+        stay = self._stays.get(name)
+        if stay is None or math.dist((stay.x, stay.y), (x, y)) > _PLACE:
+            stay = _Stay(x, y, now, now, -math.inf)
+        self._stays[name] = stay._replace(seen=now, took_part=now if takes_part else stay.took_part)
+
+
+def _has_turn(gate: Gate, sign: float, waits: Sequence[Wait], clock: float) -> bool:
+    """Whether it is the turn of one side of a gate, the one toward which its direction points for a ``sign`` of +1."""
+    longest = {True: 0.0, False: 0.0}
+    for wait in waits:
+        dx, dy = wait.x - gate.x, wait.y - gate.y
+        if math.hypot(dx, dy) < _ZONE:
+            mine = sign * (dx * gate.nx + dy * gate.ny) > 0.0
+            longest[mine] = max(longest[mine], wait.seconds)
+    if max(longest.values()) < _WAITED or longest[True] == longest[False]:
+        return (math.fmod(clock, 2.0 * _TURN) < _TURN) == (sign > 0.0)
+    return longest[True] > longest[False]
+
+
+def place_to_wait(
+    gate: Gate, x: float, y: float, near: Sequence[Near], clock: float, waits: Sequence[Wait] = ()
+) -> Point | None:
     """Where a robot waits that has to let others through first; None when it may go.
 
     Args:
@@ -93,11 +165,12 @@ def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near], clock: f
         y: the same.
         near: the neighbours.
         clock: the time that all robots share [s].
+        waits: the robots that wait, itself among them.
     """
     sign = 1.0 if (x - gate.x) * gate.nx + (y - gate.y) * gate.ny >= 0.0 else -1.0
     nx, ny = sign * gate.nx, sign * gate.ny
     mine = math.hypot(x - gate.x, y - gate.y)
-    goes = mine < gate.half + _INSIDE or (math.fmod(clock, 2.0 * _TURN) < _TURN) == (sign > 0.0)
+    goes = mine < gate.half + _INSIDE or _has_turn(gate, sign, waits, clock)
     before, lets_through = 0, False
     for other in near:
         if not _takes_part(other):
@@ -106,7 +179,7 @@ def place_to_wait(gate: Gate, x: float, y: float, near: Sequence[Near], clock: f
         theirs = math.hypot(px, py)
         across = px * nx + py * ny
         coming = math.cos(other.theta) * nx + math.sin(other.theta) * ny
-        if theirs < gate.half + _INSIDE and coming > 0.2:
+        if theirs < gate.half + _INSIDE and across < _OUT and coming > 0.2:
             lets_through |= theirs < mine
         if across < -0.05 and theirs < _ZONE and coming > -0.5:
             lets_through |= not goes

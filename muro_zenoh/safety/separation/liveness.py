@@ -30,10 +30,14 @@ _STAGGER: Final = 0.25
 _RANKS: Final = 10
 """How long a robot stands before it tries something else, and how much longer than the one before it in the order of
 names [s]; after so many robots it begins anew."""
-_QUEUES_FOR: Final = 5.0
+_QUEUES_FOR: Final = 3.0
 """How long it waits in a queue instead [s]."""
 _TRIES_FOR: Final = 2.5
 """How long it tries that [s]."""
+_GAIN: Final = 0.05
+"""So much more room is worth going for [m]."""
+_QUEUE_GAIN: Final = -0.3
+"""From a queue a robot goes where there is less room, too [m]: where all stand, they shut in those who come out."""
 
 
 def first_met(x: float, y: float, vx: float, vy: float, near: Sequence[Near]) -> tuple[float, Near | None]:
@@ -166,15 +170,25 @@ class Patience:
                     self._queued = queues
         return now - self._since
 
+    @property
+    def least_gain(self) -> float:
+        """How much more room is worth backing off for [m]."""
+        return _QUEUE_GAIN if self._queued else _GAIN
+
     def take_turn(self) -> None:
         """It is the robot's turn at a gate: it backs off no longer from the queue in which it waited."""
         self.retreating = self.retreating and not self._queued
 
 
 def roomiest(
-    state: State, near: Sequence[Near], inside: Bounds, speed: float, away_from: Near | None = None
+    state: State,
+    near: Sequence[Near],
+    inside: Bounds,
+    speed: float,
+    away_from: Near | None = None,
+    least_gain: float = _GAIN,
 ) -> tuple[float, float]:
-    """The velocity toward the most room [m/s]; zero when nowhere is more than here.
+    """The velocity toward the most room [m/s]; zero when nowhere is enough more than here.
 
     Args:
         state: the robot's state.
@@ -182,8 +196,9 @@ def roomiest(
         inside: where its centre may be.
         speed: how fast [m/s].
         away_from: a neighbour out of whose way to go.
+        least_gain: how much more room it is worth going for [m]; below 0 for a robot that goes although it has less.
     """
-    best, found = _room(state.x, state.y, near, inside, away_from) + 0.05, (0.0, 0.0)
+    best, found = _room(state.x, state.y, near, inside, away_from) + least_gain, (0.0, 0.0)
     for k in range(16):
         c, s = math.cos(k * math.pi / 8.0), math.sin(k * math.pi / 8.0)
         free, _ = first_met(state.x, state.y, speed * c, speed * s, near)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2, wrap_to_pi
-from muro_zenoh.safety.separation.gates import Gate, gate_ahead, gates_between, place_to_wait
+from muro_zenoh.safety.separation.gates import Gate, Waits, gate_ahead, gates_between, place_to_wait
 from muro_zenoh.safety.separation.guidance import Near, is_busy
 from muro_zenoh.safety.separation.knowledge import WALL
 from muro_zenoh.safety.separation.line import Point, nearest_on
@@ -52,6 +52,7 @@ class Route:
         self._search: Iterator[list[Point] | None] | None = None
         self._plan_again = self._follow_until = -math.inf
         self._gate: Gate | None = None
+        self._waits = Waits()
         self._still_since: dict[str, float] = {}
         self.waits = False
         """Whether the robot lets others through a gate now."""
@@ -105,8 +106,9 @@ class Route:
                 self._plan, self._search = found, None
         speed = math.hypot(*velocity)
         self._gate = gate_ahead(self.gates, [here, *self._plan[1:]]) if self.gates else None
+        waits = self._waits.look(now, here, near) if self.gates else ()
         if self._gate is not None:
-            place = place_to_wait(self._gate, *here, near, clock)
+            place = place_to_wait(self._gate, *here, near, clock, waits)
             self.passes = place is None
             if place is not None and gives_way:
                 self.waits = True
