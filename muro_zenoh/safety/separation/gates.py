@@ -14,7 +14,6 @@ from typing import Final, NamedTuple
 
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
-from muro_zenoh.safety.separation.knowledge import WALL
 from muro_zenoh.safety.separation.line import Point, Stretch, nearest_points
 
 _WIDEST: Final = 1.5
@@ -128,8 +127,7 @@ class Waits:
         """
         self._see("", now, *here, True)
         for other in near:
-            if other.name != WALL:
-                self._see(other.name, now, other.x, other.y, _takes_part(other))
+            self._see(other.name, now, other.x, other.y, _takes_part(other))
         self._stays = {name: stay for name, stay in self._stays.items() if now - stay.seen <= _FORGOTTEN}
         seen = (stay for stay in self._stays.values() if stay.seen == now and now - stay.took_part < _PARKED)
         return [Wait(stay.x, stay.y, now - stay.since) for stay in seen]
