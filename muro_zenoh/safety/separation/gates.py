@@ -26,10 +26,9 @@ _WAITED: Final = 1.0
 """The clock decides until a robot has waited for this time [s]."""
 _PLACE: Final = 0.3
 """A robot that has come further than this from where it began to wait has got on [m]."""
-_FORGOTTEN: Final = 3.0
-"""One that was out of sight for this time begins anew [s]."""
-_PARKED: Final = 1.0
-"""One that has neither driven nor turned for this time does not wait: it is parked [s]."""
+_PAUSE: Final = 1.0
+"""One that has neither driven nor turned for this time, or was out of sight for it, has not waited: it begins anew
+[s]."""
 _SPOTS: Final = ((0.55, 0.55), (0.6, 1.05), (1.05, 0.75), (1.1, 1.25), (1.55, 0.9))
 """Where to wait, the nearest to the gate first: back from its middle, and to the robot's right [m]."""
 _APART: Final = 0.5
@@ -107,12 +106,11 @@ class _Stay(NamedTuple):
     x: float
     y: float
     since: float
-    seen: float
     took_part: float
 
 
 class Waits:
-    """For how long robots have waited. All see about the same, as they have the same snapshots."""
+    """For how long this robot and those that it sees have waited."""
 
     def __init__(self) -> None:
         self._stays: dict[str, _Stay] = {}
@@ -125,18 +123,14 @@ class Waits:
             here: the position of the robot that looks, and that is on its way [m, world].
             near: the neighbours.
         """
-        self._see("", now, *here, True)
-        for other in near:
-            self._see(other.name, now, other.x, other.y, _takes_part(other))
-        self._stays = {name: stay for name, stay in self._stays.items() if now - stay.seen <= _FORGOTTEN}
-        seen = (stay for stay in self._stays.values() if stay.seen == now and now - stay.took_part < _PARKED)
-        return [Wait(stay.x, stay.y, now - stay.since) for stay in seen]
-
-    def _see(self, name: str, now: float, x: float, y: float, takes_part: bool) -> None:
-        stay = self._stays.get(name)
-        if stay is None or math.dist((stay.x, stay.y), (x, y)) > _PLACE:
-            stay = _Stay(x, y, now, now, -math.inf)
-        self._stays[name] = stay._replace(seen=now, took_part=now if takes_part else stay.took_part)
+        part = [("", *here), *((other.name, other.x, other.y) for other in near if _takes_part(other))]
+        for name, x, y in part:
+            stay = self._stays.get(name)
+            if stay is None or math.dist((stay.x, stay.y), (x, y)) > _PLACE or now - stay.took_part >= _PAUSE:
+                stay = _Stay(x, y, now, now)
+            self._stays[name] = stay._replace(took_part=now)
+        self._stays = {name: stay for name, stay in self._stays.items() if now - stay.took_part < _PAUSE}
+        return [Wait(stay.x, stay.y, now - stay.since) for stay in self._stays.values()]
 
 
 def _has_turn(gate: Gate, sign: float, waits: Sequence[Wait], clock: float) -> bool:
