@@ -126,10 +126,25 @@ def test_a_parked_robot_makes_room_for_one_that_waits_and_no_other() -> None:
         assert (step.twist != STILL) == bool(reason)
 
 
+DOOR = (Wall(0.0, 0.4, 0.0, 1.5), Wall(0.0, -1.5, 0.0, -0.4))
+
+
+@pytest.mark.parametrize(("x", "to", "makes_room"), [(0.45, 0.40, True), (0.45, 0.1, False), (1.45, 1.40, False)])
+def test_who_is_kept_just_off_its_place_in_a_doorway_makes_room(x: float, to: float, makes_room: bool) -> None:
+    """It would wait there for ever for the other one, which waits for it. One that is still on its way drives on, and
+    elsewhere others get past."""
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), DOOR)
+    at, waits = State(x, 0.09, math.pi, 0.0, 0.0), row("r2", x - 0.25, 0.43, -1.0)._replace(omega=0.4)
+    reasons = []
+    for k in range(40):
+        snapshot = Snapshot((row("r1", at.x, at.y, at.theta), waits), 0.05 * k, 1, 0.0)
+        reasons.append(made.step(0.05 * k, at, Twist2(0.05, -0.2), snapshot, (to, 0.12)).reason)
+    assert ("makes room for r2" in reasons) is makes_room
+
+
 def test_who_waits_long_at_a_doorway_does_not_stand_there() -> None:
     """It backs off, although it has room enough where it is: who comes out may have not."""
-    walls = (Wall(0.0, 0.4, 0.0, 1.5), Wall(0.0, -1.5, 0.0, -0.4))
-    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), walls)
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), DOOR)
     at, inside = State(-0.55, -0.55, 0.25 * math.pi, 0.0, 0.0), row("r2", 0.2, 0.0, math.pi, 0.1)
     waits = []
     for k in range(90):
