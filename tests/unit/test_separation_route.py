@@ -294,8 +294,16 @@ def test_from_a_queue_a_robot_backs_off_also_to_where_there_is_less_room() -> No
         patience = Patience(0)
         steps = (patience.look(0.05 * k, still, True, queues) for k in range(400))
         next(k for k, _ in enumerate(steps) if patience.retreating)
-        away = roomiest(still, shut_in, ARENA.shrunk(KEEP), 0.2, least_gain=patience.least_gain)
+        away = roomiest(still, shut_in, ARENA.shrunk(KEEP), 0.2, may_stay=patience.may_stay)
         assert (away != (0.0, 0.0)) is queues
+
+
+def test_a_robot_that_may_not_stay_goes_where_it_gets_anywhere() -> None:
+    """There is as little room behind it as here, but ahead and beside it cannot move at all."""
+    still, around = State(0.0, 0.0, 0.0, 0.0, 0.0), [near(x, y) for x, y in ((0.4, 0.0), (0.0, 0.45), (0.0, -0.45))]
+    x, y = roomiest(still, [*around, near(-0.52, 0.0)], ARENA.shrunk(KEEP), 0.2, may_stay=False)
+    assert (x, y) == pytest.approx((-0.2, 0.0))
+    assert roomiest(still, [*around, near(-0.45, 0.0)], ARENA.shrunk(KEEP), 0.2, may_stay=False) == (0.0, 0.0)
 
 
 def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:

@@ -195,7 +195,7 @@ class Separation:
         if is_free and not blocker and velocity == desired and not patience.retreating:
             return Separated(wanted, "")
         if patience.retreating:
-            ux, uy = roomiest(state, near, self._inside, _SLOW, least_gain=patience.least_gain)
+            ux, uy = roomiest(state, near, self._inside, _SLOW, may_stay=patience.may_stay)
         elif who is not None and when < HORIZON:
             if (target is None or self._route.passes) and goes_along(who, ux, uy):
                 ux, uy = free_speed(x, y, ux, uy, near)

@@ -36,8 +36,10 @@ _TRIES_FOR: Final = 2.5
 """How long it tries that [s]."""
 _GAIN: Final = 0.05
 """So much more room is worth going for [m]."""
-_QUEUE_GAIN: Final = -0.3
-"""From a queue a robot goes where there is less room, too [m]: where all stand, they shut in those who come out."""
+_STEP: Final = 0.35
+"""How far ahead room is looked for [m]."""
+_LEAST_STEP: Final = 0.1
+"""A robot that has to go somewhere goes where it gets this far [m]."""
 
 
 def first_met(x: float, y: float, vx: float, vy: float, near: Sequence[Near]) -> tuple[float, Near | None]:
@@ -171,9 +173,10 @@ class Patience:
         return now - self._since
 
     @property
-    def least_gain(self) -> float:
-        """How much more room is worth backing off for [m]."""
-        return _QUEUE_GAIN if self._queued else _GAIN
+    def may_stay(self) -> bool:
+        """Whether a robot that backs off may stay where it has most room; not in a queue: where all stand in front of
+        a gate, they shut in those who come out."""
+        return not self._queued
 
     def take_turn(self) -> None:
         """It is the robot's turn at a gate: it backs off no longer from the queue in which it waited."""
@@ -186,9 +189,9 @@ def roomiest(
     inside: Bounds,
     speed: float,
     away_from: Near | None = None,
-    least_gain: float = _GAIN,
+    may_stay: bool = True,
 ) -> tuple[float, float]:
-    """The velocity toward the most room [m/s]; zero when nowhere is enough more than here.
+    """The velocity toward the most room [m/s]; zero when there is nowhere to go.
 
     Args:
         state: the robot's state.
@@ -196,15 +199,17 @@ def roomiest(
         inside: where its centre may be.
         speed: how fast [m/s].
         away_from: a neighbour out of whose way to go.
-        least_gain: how much more room it is worth going for [m]; below 0 for a robot that goes although it has less.
+        may_stay: whether the robot stays where it has as much room as elsewhere.
     """
-    best, found = _room(state.x, state.y, near, inside, away_from) + least_gain, (0.0, 0.0)
+    best, found = -math.inf, (0.0, 0.0)
+    if may_stay:
+        best = _room(state.x, state.y, near, inside, away_from) + _GAIN
     for k in range(16):
         c, s = math.cos(k * math.pi / 8.0), math.sin(k * math.pi / 8.0)
         free, _ = first_met(state.x, state.y, speed * c, speed * s, near)
-        step = min(0.35, speed * free)
+        step = min(_STEP, speed * free)
         room = _room(state.x + step * c, state.y + step * s, near, inside, away_from)
-        if room > best:
+        if room > best and (may_stay or step >= _LEAST_STEP):
             best, found = room, (speed * c, speed * s)
     return found
 
