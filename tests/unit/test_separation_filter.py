@@ -152,3 +152,19 @@ def test_who_waits_long_at_a_doorway_does_not_stand_there() -> None:
         waits.append(made.step(0.05 * k, at, Twist2(0.1, 0.3), snapshot, (1.0, 0.0)).twist.v < 0.02)
     assert all(waits[18:75])
     assert not any(waits[80:])
+
+
+def test_who_only_turns_in_a_doorway_does_not_get_on() -> None:
+    """It is its turn, and another one is parked in its way. Now and then it may turn as it wants; else the filter turns
+    it back. After a while it backs off all the same."""
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), DOOR)
+    at, parked = State(0.22, 0.02, math.pi, 0.0, 0.0), row("r2", -0.25, 0.0)
+    passed = []
+    for k in range(140):
+        snapshot = Snapshot((row("r1", at.x, at.y, at.theta), parked), 0.05 * k, 1, 0.0)
+        wish = Twist2(0.4, 0.0) if k % 10 else Twist2(0.0, 0.5)
+        given = made.step(0.05 * k, at, wish, snapshot, (-1.28, 0.0)).twist
+        if not k % 10:
+            passed.append(given == wish)
+    assert all(passed[2:6])
+    assert not all(passed[6:])

@@ -137,7 +137,9 @@ class Separation:
         # One that cannot get any nearer to its place in a passage is parked there as well.
         parked = rests or (target is not None and not far and not self._free and self._courtesy.blocks(target))
         room = self._courtesy.look(now, state, parked, target, near, self._inside)
-        wants = not rests and far and not self._free and room is None
+        # In a passage a robot that only turns as it wants does not get on either.
+        kept = not self._free or self._route.passes
+        wants = not rests and far and kept and room is None
         stood = self._patience.look(now, state, wants, self._route.waits)
         if rests or room is not None:
             self._route.leave()
