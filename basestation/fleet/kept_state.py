@@ -95,8 +95,9 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         fitted = new._on(self.circle if has_room else scenario.circle, scenario)
         if fitted._refused(scenario):  # not even the scenario's own behaviours fit on this circle
             fitted = new._on(scenario.circle, scenario)
-        changed = {"circle": fitted.circle, "behaviour": fitted.behaviour}
-        return new if changed == {"circle": self.circle, "behaviour": self.behaviour} else new._changed(**changed)
+        if (fitted.circle, fitted.behaviour) == (self.circle, self.behaviour):
+            return new
+        return new._changed(circle=fitted.circle, behaviour=fitted.behaviour)
 
     # ---- orders
 
