@@ -9,6 +9,7 @@ import pytest
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
 from muro_zenoh.geometry import STILL, Bounds, State, Twist2
 from muro_zenoh.safety.separation import Body, Separation, SeparationSettings
+from muro_zenoh.walls import Wall
 
 ARENA = Bounds(-2.1, 2.1, -1.5, 1.5)
 BODY = Body()
@@ -123,3 +124,16 @@ def test_a_parked_robot_makes_room_for_one_that_waits_and_no_other() -> None:
         step = made.step(0.0, at, STILL, seen(row("r1", 0.0, 0.0), other), (0.0, 0.0))
         assert step.reason == reason
         assert (step.twist != STILL) == bool(reason)
+
+
+def test_who_waits_long_at_a_doorway_does_not_stand_there() -> None:
+    """It backs off, although it has room enough where it is: who comes out may have not."""
+    walls = (Wall(0.0, 0.4, 0.0, 1.5), Wall(0.0, -1.5, 0.0, -0.4))
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), walls)
+    at, inside = State(-0.55, -0.55, 0.25 * math.pi, 0.0, 0.0), row("r2", 0.2, 0.0, math.pi, 0.1)
+    waits = []
+    for k in range(90):
+        snapshot = Snapshot((row("r1", at.x, at.y, at.theta), inside), 0.05 * k, 1, 0.0)
+        waits.append(made.step(0.05 * k, at, Twist2(0.1, 0.3), snapshot, (1.0, 0.0)).twist.v < 0.02)
+    assert all(waits[18:75])
+    assert not any(waits[80:])

@@ -85,12 +85,19 @@ class Courtesy:
         there = next((one for one in near if one.name == other), None)
         gone = there is None or math.hypot(there.x - state.x, there.y - state.y) > there.keep + _GONE
         if now - since > _MOST or (now - since > _LEAST and gone):
-            blocks = any(math.dist(home, (passage.x, passage.y)) < passage.keep for passage in self._passages)
-            self._yields, self._again = None, now if blocks else now + _LEAST * self._times
+            self._yields, self._again = None, now if self.blocks(home) else now + _LEAST * self._times
             return None
         away = math.dist(here, spot)
         speed = min(UNHURRIED, away) / away if away > 0.05 else 0.0
         return (speed * (spot[0] - here[0]), speed * (spot[1] - here[1])), other
+
+    def blocks(self, place: Point) -> bool:
+        """Whether who is parked at a place is in the way of those who go through a passage.
+
+        Args:
+            place: the place [m, world].
+        """
+        return any(math.dist(place, (passage.x, passage.y)) < passage.keep for passage in self._passages)
 
     def _asked(self, now: float, state: State, near: Sequence[Near], inside: Bounds) -> _Yield | None:
         for other in near:

@@ -134,7 +134,9 @@ class Separation:
             self._target = target
         far = target is None or math.dist(target, (state.x, state.y)) > _NEARLY_THERE
         rests = speed <= _WANTS
-        room = self._courtesy.look(now, state, rests, target, near, self._inside)
+        # One that cannot get any nearer to its place in a passage is parked there as well.
+        parked = rests or (target is not None and not far and not self._free and self._courtesy.blocks(target))
+        room = self._courtesy.look(now, state, parked, target, near, self._inside)
         wants = not rests and far and not self._free and room is None
         stood = self._patience.look(now, state, wants, self._route.waits)
         if rests or room is not None:

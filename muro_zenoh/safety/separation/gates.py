@@ -15,9 +15,11 @@ from typing import Final, NamedTuple
 from muro_zenoh.geometry import Bounds
 from muro_zenoh.safety.separation.guidance import FIDGET, Near
 from muro_zenoh.safety.separation.line import Point, Stretch, nearest_points
+from muro_zenoh.walls import Wall, edges
 
 _WIDEST: Final = 1.5
 """A passage is a gate below this multiple of what two robots need side by side."""
+_ROUNDING: Final = 1e-9
 _ZONE: Final = 1.5
 """Robots this near to a gate's middle take part in its traffic [m]."""
 _TURN: Final = 8.0
@@ -50,28 +52,29 @@ class Gate(NamedTuple):
     half: float
 
 
-def gates_between(walls: Sequence[tuple[float, float, float, float]], arena: Bounds, keep: float) -> list[Gate]:
+def gates_between(walls: Sequence[Wall], arena: Bounds, keep: float) -> list[Gate]:
     """The narrow passages between walls, and between walls and the arena's.
 
     Args:
-        walls: from x, y to x, y [m, world].
+        walls: the walls inside the arena.
         arena: the floor.
         keep: what a robot's centre keeps from a wall [m].
     """
-    corners = arena.corners
-    edges = [(*corners[k], *corners[(k + 1) % 4]) for k in range(4)]
+    every = (*walls, *edges(arena))
     gates = []
     for k, wall in enumerate(walls):
-        for other in (*walls[k + 1 :], *edges):
+        for other in every[k + 1 :]:
             (ax, ay), (bx, by) = nearest_points(_stretch(wall), _stretch(other))
             width = math.hypot(bx - ax, by - ay)
-            if 2.0 * keep <= width <= _WIDEST * 4.0 * keep:
-                nx, ny = -(by - ay) / width, (bx - ax) / width
-                gates.append(Gate(0.5 * (ax + bx), 0.5 * (ay + by), nx, ny, 0.5 * width))
+            x, y = 0.5 * (ax + bx), 0.5 * (ay + by)
+            # None where the two cross, or a third wall stands between them: that is nearer to the middle.
+            is_free = all(each.distance(x, y) > 0.5 * width - _ROUNDING for each in every)
+            if is_free and 2.0 * keep <= width <= _WIDEST * 4.0 * keep:
+                gates.append(Gate(x, y, -(by - ay) / width, (bx - ax) / width, 0.5 * width))
     return gates
 
 
-def _stretch(wall: tuple[float, float, float, float]) -> Stretch:
+def _stretch(wall: Wall) -> Stretch:
     return Stretch(*wall, 0.0, 0.0, 0.0)
 
 

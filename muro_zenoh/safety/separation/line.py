@@ -36,7 +36,7 @@ LEAST_NEED: Final = 0.1
 
 
 def nearest_points(a: Stretch, b: Stretch) -> tuple[Point, Point]:
-    """The nearest points of two stretches, of a and of b; the places where they cross.
+    """The nearest points of two stretches, of a and of b; where they cross, their starts.
 
     Args:
         a: one.
