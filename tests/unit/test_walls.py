@@ -89,6 +89,9 @@ def test_the_clearance_of_a_path_is_that_of_its_nearest_point(path: Path, wall: 
         ((Segment(math.pi, 1.0),), Wall(1.25, 0.0, 1.25, 2.0), 0.25),  # the outermost point of half a circle
         ((Segment(math.pi, 1.0),), Wall(-1.0, 1.0, 0.5, 1.0), 0.5),  # inside it
         ((Segment(math.pi, 1.0),), Wall(-1.0, 1.0, 1.5, 1.0), 0.0),  # it crosses at its outermost point
+        ((Segment(math.pi, 1.0),), Wall(0.5, -1.0, 0.5, 1.0), 0.0),  # it crosses on its way out
+        ((Segment(math.pi, 1.0),), Wall(0.5, 1.0, 0.5, 3.0), 0.0),  # on its way back
+        ((Segment(math.pi, 1.0),), Wall(-0.5, 1.0, -0.5, 1.2), math.hypot(0.5, 0.8)),  # it does not come round so far
         ((Segment(math.tau, -1.0),), Wall(-0.2, -2.2, 0.2, -2.2), 0.2),  # to the right
         ((), Wall(1.0, 1.0, 1.0, -1.0), 1.0),  # it has no length
         ((Segment(1.0, 0.0), Segment(1.0, 0.0)), Wall(1.0, 0.0, 1.0, 1.0), 0.0),  # where two pieces meet
