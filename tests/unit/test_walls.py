@@ -84,6 +84,7 @@ def test_the_clearance_of_a_path_is_that_of_its_nearest_point(path: Path, wall: 
     ("segments", "wall", "distance"),
     [
         ((Segment(2.0, 0.0),), Wall(1.0, -1.0, 1.0, 1.0), 0.0),  # straight through
+        ((Segment(1.2, 0.0),), Wall(1.0, -1.0, 1.0, 1.0), 0.0),  # and it ends behind it
         ((Segment(2.0, 0.0),), Wall(1.0, -1.0, 1.0, -0.1), 0.1),  # past its end
         ((Segment(2.0, 0.0),), Wall(-1.0, 0.3, 3.0, 0.3), 0.3),  # along it
         ((Segment(math.pi, 1.0),), Wall(1.25, 0.0, 1.25, 2.0), 0.25),  # the outermost point of half a circle
@@ -101,7 +102,9 @@ def test_the_clearance_of_a_path_is_that_of_its_nearest_point(path: Path, wall: 
     ],
 )
 def test_the_clearance_is_exact(segments: tuple[Segment, ...], wall: Wall, distance: float) -> None:
-    assert clearance(Path(Pose2(0.0, 0.0, 0.0), segments), wall) == pytest.approx(distance, abs=1e-9)
+    path = Path(Pose2(0.0, 0.0, 0.0), segments)
+    assert clearance(path, wall) == pytest.approx(distance, abs=1e-9)
+    assert clearance(path, wall, 0.2) == pytest.approx(min(distance, 0.2), abs=1e-9)
 
 
 def test_a_path_through_a_doorway_is_planned_and_one_through_a_wall_refused() -> None:
