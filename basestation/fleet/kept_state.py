@@ -78,22 +78,26 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return cls(circle=scenario.circle, behaviour=behaviours)
 
     def fitted_to(self, scenario: Scenario) -> KeptState:
-        """This state for another scenario than it was kept for: with its robots, and a circle that fits its arena.
+        """This state for another scenario than it was kept for: with its robots, a circle that fits its arena, and
+        behaviours that they can do there.
 
         Args:
-            scenario: the settings.
+            scenario: the settings; a circle or behaviour that does not fit is replaced by theirs.
 
         Returns:
             This very state when it fits.
         """
         new = self
-        if self.circle != scenario.circle and not _has_room(self.circle, scenario):
-            new = new._changed(circle=scenario.circle)
         if new._next_revision(0) > MAX_REVISION:
             # No robot would believe it. A new count is far behind whatever they have received, and so it is newer.
             new = msgspec.structs.replace(new, revision=1, stop_revision=1, lifted_revision=0)
-        missing = {name: _initial_behaviour(scenario, name) for name in scenario.robot if name not in self.behaviour}
-        return new._changed(behaviour={**new.behaviour, **missing}) if missing else new
+        has_room = self.circle == scenario.circle or _has_room(self.circle, scenario)
+        fitted = new._on(self.circle if has_room else scenario.circle, scenario)
+        if fitted._refused(scenario):  # not even the scenario's own behaviours fit on this circle
+            fitted = new._on(scenario.circle, scenario)
+        if (fitted.circle, fitted.behaviour) == (self.circle, self.behaviour):
+            return new
+        return new._changed(circle=fitted.circle, behaviour=fitted.behaviour)
 
     # ---- orders
 
@@ -202,8 +206,20 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     # ---- inside
 
+    def _on(self, circle: Circle, scenario: Scenario) -> KeptState:
+        """The state on a circle, with the scenario's behaviour for robots that have none or cannot do theirs there."""
+        initial = KeptState.initial(scenario).behaviour
+        new = msgspec.structs.replace(self, circle=circle, behaviour={**initial, **self.behaviour})
+        unfit = {name: initial[name] for names, _ in new._refused(scenario) for name in names}
+        return msgspec.structs.replace(new, behaviour={**new.behaviour, **unfit})
+
     def _require_feasible(self, scenario: Scenario) -> None:
         """Refuse behaviours that their robots cannot do together on this circle; users' own are not checked."""
+        for _, error in self._refused(scenario):
+            raise OrderRefused(str(error))
+
+    def _refused(self, scenario: Scenario) -> list[tuple[list[str], ConfigError]]:
+        """The robots that cannot do together on this circle what they all do, and why."""
         groups: list[tuple[KeptBehaviour, list[str]]] = []
         for name in scenario.robots:
             kept = self.behaviour[name]
@@ -212,11 +228,13 @@ class KeptState(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 groups.append((kept, [name]))
             else:
                 names.append(name)
+        refused = []
         for kept, names in groups:
             try:
                 check_settings(kept.behaviour, kept.parameters, "", _fleet(scenario, names), self.circle)
             except ConfigError as error:
-                raise OrderRefused(str(error)) from None
+                refused.append((names, error))
+        return refused
 
     def _stopping(self, everybody: bool, names: Iterable[str], above: int) -> KeptState:
         revision, names = self._next_revision(above), set(names)

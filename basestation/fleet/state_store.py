@@ -47,7 +47,13 @@ class StateStore:
         if self.state is not known and self._file is not None:
             self._file.write_now(self.state)
         if self.state.circle != known.circle:
-            log.warning("the kept %s does not fit into this arena: using the scenario's %s", known.circle, self.circle)
+            text = "the kept %s does not fit into this scenario: using the scenario's %s"
+            log.warning(text, known.circle, self.state.circle)
+        for name in scenario.robots:
+            kept, used = known.behaviour.get(name), self.state.behaviour[name]
+            if kept is not None and used != kept:
+                text = "the kept behaviour %s of %s does not fit into this scenario: using the scenario's %s"
+                log.warning(text, kept.behaviour, name, used.behaviour)
 
     def close(self) -> None:
         """End the threads that write the file; a second time does nothing."""

@@ -9,11 +9,12 @@ from typing import Any, Final
 
 from muro_zenoh.config.descriptions import show
 from muro_zenoh.config.origin import Origin
-from muro_zenoh.config.reading import read_table, read_value
+from muro_zenoh.config.reading import read_rows, read_table, read_value
 from muro_zenoh.errors import ConfigError
 
 _MERGED: Final = ("all", "arena", "bus", "simulation")
-"""Sections in which a scenario overrides single keys of its fleet file; all others it replaces as a whole."""
+"""Sections in which a scenario overrides single keys of its fleet file; it adds rows to the walls there, and all others
+it replaces as a whole."""
 
 
 def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]:
@@ -52,6 +53,11 @@ def read_file(path: Path, fleet: object = None) -> tuple[dict[str, Any], Origin]
             merged[key] = {**theirs, **ours}
             for inner in theirs.keys() - ours.keys():
                 origin.note(f"{key}.{inner}", f"{fleet_path.name}: ")
+        elif key == "wall":  # they stand in the lab, whatever a scenario adds
+            own, rows = read_rows(table[key], origin, key), read_rows(lab[key], fleet_origin, key)
+            merged[key] = [*own, *rows]
+            for index in range(len(rows)):
+                origin.note(f"{key}[{len(own) + index}]", f"{fleet_path.name}: ", f"{key}[{index}]")
     _read_calibrations(merged, (path if "camera" in table else fleet_path).parent, origin)
     return merged, origin
 

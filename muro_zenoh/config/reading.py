@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar, cast
 
 import msgspec
@@ -55,6 +55,22 @@ def read_table(value: object, origin: Origin, path: str) -> Mapping[str, Any]:
     """
     if not isinstance(value, Mapping):
         raise ConfigError(origin.at(path), got=show(value), expected=f"a table [{path}]")
+    return value
+
+
+def read_rows(value: object, origin: Origin, path: str) -> Sequence[Any]:
+    """A value that must be rows of one kind.
+
+    Args:
+        value: the value in the file.
+        origin: its origin, for errors.
+        path: its full key.
+
+    Raises:
+        ConfigError: it is not a list.
+    """
+    if not isinstance(value, list | tuple):
+        raise ConfigError(origin.at(path), got=show(value), expected=f"rows [[{path}]]")
     return value
 
 

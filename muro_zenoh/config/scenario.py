@@ -17,7 +17,7 @@ from muro_zenoh.config.files import read_file
 from muro_zenoh.config.order import OrderRow
 from muro_zenoh.config.origin import Origin
 from muro_zenoh.config.overrides import apply_overrides, numbered_robots
-from muro_zenoh.config.reading import check_keys, read_section, read_table, read_value
+from muro_zenoh.config.reading import check_keys, read_rows, read_section, read_table, read_value
 from muro_zenoh.config.sections import (
     ARENA,
     CIRCLE,
@@ -162,9 +162,7 @@ def _table(table: Mapping[str, Any], key: str, origin: Origin) -> Mapping[str, A
 
 def _rows(kind: type[T], table: Mapping[str, Any], key: str, origin: Origin) -> tuple[T, ...]:
     """The rows of ``[[key]]``."""
-    rows = table.get(key, ())
-    if not isinstance(rows, list | tuple):
-        raise ConfigError(origin.at(key), got=show(rows), expected=f"rows [[{key}]]")
+    rows = read_rows(table.get(key, ()), origin, key)
     return tuple(read_section(kind, row, origin, f"{key}[{index}]") for index, row in enumerate(rows))
 
 

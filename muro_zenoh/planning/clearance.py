@@ -1,76 +1,85 @@
-"""How far a planned path stays from a wall; exact on arcs and straights."""
+"""How far a planned path stays from a wall; in closed form, and so exact on arcs and straights."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 
-from muro_zenoh.arcs import advance
 from muro_zenoh.geometry import Pose2
-from muro_zenoh.planning.path import STRAIGHT, Path, Segment
+from muro_zenoh.planning.path import STRAIGHT, Arc, Path
 from muro_zenoh.walls import Wall
 
-_HALVINGS = 40
 
-
-def clearance(path: Path, wall: Wall) -> float:
+def clearance(path: Path, wall: Wall, enough: float = math.inf) -> float:
     """The distance between a path and a wall [m]; 0 when they cross.
 
     Args:
         path: the path.
         wall: the wall.
+        enough: any larger distance is returned as this [m]: pieces that cannot come so near are not looked at.
     """
-    # Where both are nearest, one of them ends, or the path runs along the wall.
-    least = wall.distance(path.start.x, path.start.y)
-    for knot, segment in zip(path.knots, path.segments, strict=False):
-        stretches = itertools.pairwise(_turning_points(knot, segment, wall))
-        for first, last in stretches:
-            if _crosses(knot, segment.curvature, first, last, wall):
+    dx, dy = wall.x_end - wall.x, wall.y_end - wall.y
+    size = math.hypot(dx, dy)
+    c, s, along = dx / size, dy / size, math.atan2(dy, dx)
+    least = enough
+    for knot, (length, curvature) in zip(path.knots, (*path.segments, (0.0, 0.0)), strict=True):
+        # From here on in the wall's frame: it is from (0, 0) to (size, 0).
+        px, py = knot.x - wall.x, knot.y - wall.y
+        here = Pose2(c * px + s * py, c * py - s * px, knot.theta - along)
+        # Where both are nearest, one of them ends, or the path runs along the wall.
+        away = math.hypot(here.x - min(max(here.x, 0.0), size), here.y)
+        least = min(least, away)
+        if away - length >= least:
+            continue
+        straight = abs(curvature) < STRAIGHT
+        between = _of_straight(here, length, size) if straight else _of_arc(here, length, curvature, size)
+        if between <= 0.0:
+            return 0.0
+        least = min(least, between)
+    return least
+
+
+def _of_straight(start: Pose2, length: float, size: float) -> float:
+    """The least distance between a straight and a wall, which begin and end far apart [m]; 0 when they cross.
+
+    Args:
+        start: of the straight [wall].
+        length: of the straight [m].
+        size: the wall's length [m].
+    """
+    c, s = math.cos(start.theta), math.sin(start.theta)
+    if start.y * s < 0.0 and abs(start.y) <= length * abs(s) and 0.0 <= start.x - start.y * c / s <= size:
+        return 0.0
+    least = math.inf
+    for end in (0.0, size):
+        part = c * (end - start.x) - s * start.y
+        if 0.0 <= part <= length:
+            least = min(least, abs(s * (end - start.x) + c * start.y))
+    return least
+
+
+def _of_arc(start: Pose2, length: float, curvature: float, size: float) -> float:
+    """The same for an arc.
+
+    Args:
+        start: of the arc [wall].
+        length: of the arc [m].
+        curvature: of the arc [1/m], to the left positive.
+        size: the wall's length [m].
+    """
+    arc = Arc.of(start, length, curvature)
+    if abs(arc.y) <= arc.radius:
+        half = math.sqrt(arc.radius * arc.radius - arc.y * arc.y)
+        for dx in (-half, half):
+            if 0.0 <= arc.x + dx <= size and arc.holds(math.atan2(-arc.y, dx)):
                 return 0.0
-            there = _at(knot, segment.curvature, last)
-            least = min(least, wall.distance(there.x, there.y))
-    for x, y in ((wall.x, wall.y), (wall.x_end, wall.y_end)):
-        there = path.pose_at(path.project(x, y))
-        least = min(least, math.hypot(there.x - x, there.y - y))
-    return float(least)
-
-
-def _turning_points(knot: Pose2, segment: Segment, wall: Wall) -> Iterator[float]:
-    """The ends of a piece, and where it runs along the wall [m]: between two of these it only nears it, or only leaves
-    it."""
-    length, curvature = segment
-    points = [0.0, length]
-    if abs(curvature) >= STRAIGHT:
-        along = math.atan2(wall.y_end - wall.y, wall.x_end - wall.x)
-        half_turn = math.pi / abs(curvature)
-        part = (math.copysign(1.0, curvature) * (along - knot.theta)) % math.pi / abs(curvature)
-        while part < length:
-            points.append(part)
-            part += half_turn
-    return iter(sorted(points))
-
-
-def _crosses(knot: Pose2, curvature: float, first: float, last: float, wall: Wall) -> bool:
-    """Whether a stretch of a piece, which only nears the wall's line or only leaves it, crosses the wall."""
-    before, after = (_beside(_at(knot, curvature, part), wall) for part in (first, last))
-    if before * after > 0.0:
-        return False
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (first + last)
-        beside = _beside(_at(knot, curvature, middle), wall)
-        if before * beside > 0.0:
-            first, before = middle, beside
-        else:
-            last = middle
-    there = _at(knot, curvature, last)
-    return bool(wall.distance(there.x, there.y) < 1e-9)
-
-
-def _beside(pose: Pose2, wall: Wall) -> float:
-    """On which side of the wall's line a pose is; proportional to its distance from it."""
-    return (wall.x_end - wall.x) * (pose.y - wall.y) - (wall.y_end - wall.y) * (pose.x - wall.x)
-
-
-def _at(knot: Pose2, curvature: float, part: float) -> Pose2:
-    return advance(knot, part, part * curvature, 1.0)
+    least = math.inf
+    for end in (0.0, size):
+        near = abs(math.hypot(end - arc.x, arc.y) - arc.radius)
+        if near < least and arc.holds(math.atan2(-arc.y, end - arc.x)):
+            least = near
+    if 0.0 <= arc.x <= size:
+        for side in (-1.0, 1.0):
+            near = abs(arc.y + side * arc.radius)
+            if near < least and arc.holds(side * 0.5 * math.pi):
+                least = near
+    return least

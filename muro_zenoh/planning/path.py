@@ -29,6 +29,47 @@ class Segment(NamedTuple):
     curvature: float
 
 
+class Arc(NamedTuple):
+    """A piece of a path that is not straight, as a part of its circle.
+
+    Args:
+        x: the circle's centre [m].
+        y: the circle's centre [m].
+        radius: the circle's [m].
+        side: 1 to the left, -1 to the right.
+        begin: direction from the centre to where the arc begins [rad].
+        turn: from its begin to its end [rad], not below 0.
+    """
+
+    x: float
+    y: float
+    radius: float
+    side: float
+    begin: float
+    turn: float
+
+    @classmethod
+    def of(cls, knot: Pose2, length: float, curvature: float) -> Arc:
+        """The arc of a segment.
+
+        Args:
+            knot: where it begins.
+            length: its length [m].
+            curvature: its curvature [1/m], not that of a straight.
+        """
+        side = math.copysign(1.0, curvature)
+        x, y = knot.x - math.sin(knot.theta) / curvature, knot.y + math.cos(knot.theta) / curvature
+        return cls(x, y, side / curvature, side, knot.theta - side * 0.5 * math.pi, length * abs(curvature))
+
+    def holds(self, direction: float) -> bool:
+        """Whether the arc has a point in a direction from its centre.
+
+        Args:
+            direction: the direction [rad].
+        """
+        return self.side * (direction - self.begin) % TWO_PI <= self.turn
+
+
 @dataclass(frozen=True, slots=True)
 class Path:
     """A chain of arcs and straights, each beginning at the end of the previous one, with its heading.
@@ -166,13 +207,9 @@ class Path:
         for knot, (length, curvature) in zip(self.knots, self.segments, strict=False):
             if abs(curvature) < STRAIGHT:
                 continue
-            for heading in (-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi):
-                # A coordinate is extremal where the heading is along the other axis.
-                part = (math.copysign(1.0, curvature) * (heading - knot.theta)) % TWO_PI / abs(curvature)
-                if part < length:
-                    there = advance(knot, part, part * curvature, 1.0)
-                    xs.append(there.x)
-                    ys.append(there.y)
+            arc = Arc.of(knot, length, curvature)
+            xs += [arc.x + way * arc.radius for way, where in ((1.0, 0.0), (-1.0, math.pi)) if arc.holds(where)]
+            ys += [arc.y + way * arc.radius for way in (1.0, -1.0) if arc.holds(way * 0.5 * math.pi)]
         return min(xs), max(xs), min(ys), max(ys)
 
 

@@ -101,7 +101,7 @@ def test_a_scenario_may_name_a_fleet_file(tmp_path: Path) -> None:
     assert (lab.arena.x_max, lab.arena.y_max, lab.arena.x_min) == (3.0, 2.0, -2.1)
 
 
-def test_the_walls_are_those_of_the_fleet_file_or_the_scenario_s_own(tmp_path: Path) -> None:
+def test_the_walls_are_the_scenario_s_own_and_those_of_the_fleet_file(tmp_path: Path) -> None:
     write(tmp_path, "lab.toml", "[[wall]]\nstart = [0.0, -1.5]\nend = [0.0, -0.4]\n")
     lab = load_scenario(write(tmp_path, "run.toml", 'fleet = "lab.toml"\nduration = 5\n'))
     assert lab.walls == (Wall(0.0, -1.5, 0.0, -0.4),)
@@ -109,10 +109,30 @@ def test_the_walls_are_those_of_the_fleet_file_or_the_scenario_s_own(tmp_path: P
         parse(as_table(lab)).walls == parse(tomllib.loads(as_toml(lab))).walls == lab.vehicle("r1").walls == lab.walls
     )
     own = 'fleet = "lab.toml"\n[[wall]]\nstart = [1, 1]\nend = [1, 0]\n'
-    assert load_scenario(write(tmp_path, "own.toml", own)).walls == (Wall(1.0, 1.0, 1.0, 0.0),)
-    write(tmp_path, "lab.toml", "[[wall]]\nstart = [0.0, -1.6]\nend = [0.0, -0.4]\n")
-    with pytest.raises(ConfigError, match=r"^lab\.toml: wall\[0\]\.start: got \(0, -1\.6\), outside the arena"):
-        load_scenario(tmp_path / "run.toml")
+    both = load_scenario(write(tmp_path, "own.toml", own))
+    assert both.walls == (Wall(1.0, 1.0, 1.0, 0.0), Wall(0.0, -1.5, 0.0, -0.4))
+    assert load_scenario(tmp_path / "own.toml", overrides={"wall": []}).walls == ()
+
+
+def test_an_error_in_a_wall_names_the_file_that_has_it_and_its_row_there(tmp_path: Path) -> None:
+    right, outside = "[[wall]]\nstart = [1, 1]\nend = [1, 0]\n", "[[wall]]\nstart = [0.0, -1.6]\nend = [0.0, -0.4]\n"
+    none = write(tmp_path, "none.toml", 'fleet = "lab.toml"\n')
+    own = write(tmp_path, "own.toml", f'fleet = "lab.toml"\n{right}{right}')
+    wrong = write(tmp_path, "wrong.toml", f'fleet = "lab.toml"\n{right}{outside}')
+    write(tmp_path, "lab.toml", right + outside)
+    for path in (none, own):
+        with pytest.raises(ConfigError, match=r"^lab\.toml: wall\[1\]\.start: got \(0, -1\.6\), outside the arena"):
+            load_scenario(path)
+    with pytest.raises(ConfigError, match=r"^wrong\.toml: wall\[1\]\.start: got \(0, -1\.6\)"):
+        load_scenario(wrong)
+    with pytest.raises(ConfigError, match=r"^--set wall\[2\]\.end: got nothing"):
+        load_scenario(own, overrides={"wall": [*[{"start": [1, 1], "end": [1, 0]}] * 2, {"start": [1, 1]}]})
+    write(tmp_path, "lab.toml", right + "[[wall]]\nstart = [0.0, -1.6]\n")
+    with pytest.raises(ConfigError, match=r"^lab\.toml: wall\[1\]\.end: got nothing"):
+        load_scenario(own)
+    write(tmp_path, "lab.toml", "[wall]\nstart = [0.0, -1.6]\n")
+    with pytest.raises(ConfigError, match=r"^lab\.toml: wall: got .*, expected rows \[\[wall\]\]"):
+        load_scenario(own)
 
 
 def test_a_wall_leaves_room_for_what_is_beside_it() -> None:

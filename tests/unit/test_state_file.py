@@ -17,7 +17,7 @@ from basestation.fleet.state_store import StateStore
 from muro_zenoh.config import parse_scenario
 from muro_zenoh.errors import ConfigError
 from muro_zenoh.messages import Resume, SetBehaviour, SetCircle, Stop
-from tests.support.kept_state import files_in, fresh, stopped
+from tests.support.kept_state import files_in, fresh, scenario, stopped
 from tests.support.waiting import seconds
 
 
@@ -82,6 +82,41 @@ async def test_a_kept_circle_that_is_not_used_is_named_in_the_log(
     assert "radius=0.8" in said
 
 
+WALL = {"start": [0.0, 1.2], "end": [0.0, 1.5]}
+
+
+async def test_a_kept_behaviour_that_the_scenario_forbids_is_not_used(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "state.json"
+    kept = fresh(path)
+    await kept.set_behaviour(SetBehaviour(behaviour="coverage", names=("r1", "r3")))
+    await kept.set_behaviour(SetBehaviour(behaviour="mylab.swarm:flock", names=("r2",)))
+    assert [fresh(path).behaviour(name).behaviour for name in ("r1", "r3")] == ["coverage", "coverage"]
+    assert caplog.messages == []
+    walled = parse_scenario({"robots": 3, "wall": [WALL]}, "lab.toml", name="lab")
+    again = StateStore(walled, path)
+    doing = [again.behaviour(name).behaviour for name in ("r1", "r2", "r3")]
+    assert doing == [walled.behaviour.name, "mylab.swarm:flock", walled.behaviour.name]
+    assert caplog.messages == [
+        f"the kept behaviour coverage of {name} does not fit into this scenario: "
+        f"using the scenario's {walled.behaviour.name}"
+        for name in ("r1", "r3")
+    ]
+    assert again.state.revision == kept.revision + 1
+    assert StateStore(walled, path).state == again.state
+
+
+async def test_a_kept_circle_on_which_the_scenario_s_robots_cannot_be_is_not_used(tmp_path: Path) -> None:
+    """There is room for it, but not for so many robots on it."""
+    path = tmp_path / "state.json"
+    await fresh(path, robots=2).set_circle(SetCircle(radius=0.3))
+    assert fresh(path, robots=2).circle.radius == 0.3
+    again = fresh(path, robots=8)
+    assert again.circle.radius == scenario(8).circle.radius
+    assert {again.behaviour(name).behaviour for name in again.robots} == {"pursuit"}
+
+
 async def test_a_disk_that_hangs_keeps_three_threads_and_not_the_end_of_the_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -89,9 +124,10 @@ async def test_a_disk_that_hangs_keeps_three_threads_and_not_the_end_of_the_proc
     monkeypatch.setattr(os, "fsync", lambda fd: released.wait(seconds(30)))
     file = StateFile(tmp_path / "state.json")
     state = fresh().state
+    before = set(threading.enumerate())  # those of an earlier test may still be ending
     try:
         writing = [file.write(state) for _ in range(6)]
-        assert sum(thread.name.startswith("state file") for thread in threading.enumerate()) == 3
+        assert sum(thread.name.startswith("state file") for thread in set(threading.enumerate()) - before) == 3
         file.close()  # does not wait
         assert not any(write.done() for write in writing)
     finally:

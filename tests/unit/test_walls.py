@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from muro_zenoh.behaviours.interface import Neighbour, Snapshot
 from muro_zenoh.config import parse_scenario
+from muro_zenoh.control.path_tracking import TrackingGains
+from muro_zenoh.control.ride import RideSettings, set_out
+from muro_zenoh.control.speed_profile import SpeedProfile
 from muro_zenoh.errors import ParameterError, PlanningError
 from muro_zenoh.geometry import Bounds, Pose2, State, Twist2
 from muro_zenoh.planning.arena import plan_inside, require_path_clear
 from muro_zenoh.planning.clearance import clearance
+from muro_zenoh.planning.destination import Destination
 from muro_zenoh.planning.dubins import plan
 from muro_zenoh.planning.path import Path, Segment
 from muro_zenoh.walls import Wall, edges, require_clear
@@ -57,30 +63,48 @@ def test_a_place_is_clear_of_a_wall_from_its_distance_on() -> None:
 # ---- paths
 
 
-@given(start=POSES, goal=POSES, wall=WALLS)
-def test_the_clearance_of_a_path_is_that_of_its_nearest_point(start: Pose2, goal: Pose2, wall: Wall) -> None:
-    path = plan(start, goal, 0.3)
-    sampled = min(wall.distance(pose.x, pose.y) for pose in path.sample(0.005))
+PATHS = st.builds(
+    Path,
+    POSES,
+    st.lists(st.builds(Segment, st.floats(0.0, 1.5), st.just(0.0) | st.floats(-6.0, 6.0)), max_size=4).map(tuple),
+)
+
+
+@settings(max_examples=300)
+@given(path=PATHS | st.builds(plan, POSES, POSES, st.just(0.3)), wall=WALLS, enough=st.floats(0.0, 1.0))
+def test_the_clearance_of_a_path_is_that_of_its_nearest_point(path: Path, wall: Wall, enough: float) -> None:
+    sampled = min(wall.distance(pose.x, pose.y) for pose in path.sample(0.01))
     found = clearance(path, wall)
     assert found <= sampled + 1e-9
-    assert found >= sampled - 0.0026, "no point of a path is farther than half a step from a sampled one"
+    assert found >= sampled - 0.0051, "no point of a path is farther than half a step from a sampled one"
+    assert clearance(path, wall, enough) == pytest.approx(min(found, enough), abs=1e-12)
 
 
 @pytest.mark.parametrize(
     ("segments", "wall", "distance"),
     [
         ((Segment(2.0, 0.0),), Wall(1.0, -1.0, 1.0, 1.0), 0.0),  # straight through
+        ((Segment(1.2, 0.0),), Wall(1.0, -1.0, 1.0, 1.0), 0.0),  # and it ends behind it
         ((Segment(2.0, 0.0),), Wall(1.0, -1.0, 1.0, -0.1), 0.1),  # past its end
         ((Segment(2.0, 0.0),), Wall(-1.0, 0.3, 3.0, 0.3), 0.3),  # along it
         ((Segment(math.pi, 1.0),), Wall(1.25, 0.0, 1.25, 2.0), 0.25),  # the outermost point of half a circle
         ((Segment(math.pi, 1.0),), Wall(-1.0, 1.0, 0.5, 1.0), 0.5),  # inside it
         ((Segment(math.pi, 1.0),), Wall(-1.0, 1.0, 1.5, 1.0), 0.0),  # it crosses at its outermost point
+        ((Segment(math.pi, 1.0),), Wall(0.5, -1.0, 0.5, 1.0), 0.0),  # it crosses on its way out
+        ((Segment(math.pi, 1.0),), Wall(0.5, 1.0, 0.5, 3.0), 0.0),  # on its way back
+        ((Segment(math.pi, 1.0),), Wall(-0.5, 1.0, -0.5, 1.2), math.hypot(0.5, 0.8)),  # it does not come round so far
         ((Segment(math.tau, -1.0),), Wall(-0.2, -2.2, 0.2, -2.2), 0.2),  # to the right
         ((), Wall(1.0, 1.0, 1.0, -1.0), 1.0),  # it has no length
+        ((Segment(1.0, 0.0), Segment(1.0, 0.0)), Wall(1.0, 0.0, 1.0, 1.0), 0.0),  # where two pieces meet
+        ((Segment(2.0, 0.0),), Wall(-2.0, 0.0, -1.0, 0.0), 1.0),  # in line with it, behind
+        ((Segment(2.0, 0.0),), Wall(1.0, 0.0, 4.0, 0.0), 0.0),  # along its very line
+        ((Segment(4.0 * math.pi, 1.0),), Wall(-1.1, 1.0, -3.0, 1.0), 0.1),  # twice round
     ],
 )
 def test_the_clearance_is_exact(segments: tuple[Segment, ...], wall: Wall, distance: float) -> None:
-    assert clearance(Path(Pose2(0.0, 0.0, 0.0), segments), wall) == pytest.approx(distance, abs=1e-9)
+    path = Path(Pose2(0.0, 0.0, 0.0), segments)
+    assert clearance(path, wall) == pytest.approx(distance, abs=1e-9)
+    assert clearance(path, wall, 0.2) == pytest.approx(min(distance, 0.2), abs=1e-9)
 
 
 def test_a_path_through_a_doorway_is_planned_and_one_through_a_wall_refused() -> None:
@@ -102,6 +126,25 @@ def test_a_longer_path_is_taken_where_the_shortest_one_comes_too_near_a_wall() -
     other = plan_inside(start, goal, 0.3, ARENA, KEEP, (wall,))
     assert clearance(free, wall) < KEEP <= clearance(other, wall)
     assert other.length >= free.length - 1e-9
+
+
+@pytest.mark.parametrize("walls", [DOORWAY, (Wall(0.0, -1.5, 0.0, 1.5),)])
+@pytest.mark.parametrize("goal", [Destination(1.0, 0.2), Destination(1.3, 0.8, 1.0)])
+def test_a_goal_to_which_there_is_no_path_is_soon_given_up(walls: tuple[Wall, ...], goal: Destination) -> None:
+    """It is planned between two commands: in function calls, as many as a slow computer does in a tenth of a second."""
+    ride, calls = RideSettings(SpeedProfile(), TrackingGains(), 0.3, ARENA, KEEP, walls=walls), 0
+
+    def count(frame: object, event: str, arg: object) -> None:
+        nonlocal calls
+        calls += event == "call"
+
+    sys.setprofile(count)
+    try:
+        with contextlib.suppress(PlanningError):
+            set_out(Pose2(-1.0, 0.8, 0.4), goal, 0.0, ride)
+    finally:
+        sys.setprofile(None)
+    assert 0 < calls < 30_000
 
 
 def test_a_robot_too_near_a_wall_can_drive_away_from_it() -> None:
