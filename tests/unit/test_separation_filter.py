@@ -140,6 +140,7 @@ def test_who_is_kept_just_off_its_place_in_a_doorway_makes_room(x: float, to: fl
         snapshot = Snapshot((row("r1", at.x, at.y, at.theta), waits), 0.05 * k, 1, 0.0)
         reasons.append(made.step(0.05 * k, at, Twist2(0.05, -0.2), snapshot, (to, 0.12)).reason)
     assert ("makes room for r2" in reasons) is makes_room
+    assert reasons[-1] != "", "it is kept from its place"
 
 
 def test_who_waits_long_at_a_doorway_does_not_stand_there() -> None:
@@ -168,3 +169,12 @@ def test_who_only_turns_in_a_doorway_does_not_get_on() -> None:
             passed.append(given == wish)
     assert all(passed[2:6])
     assert not all(passed[6:])
+
+
+@pytest.mark.parametrize("wish", [Twist2(0.03, 0.0), Twist2(0.0, -0.3)])
+def test_who_is_alone_at_a_doorway_does_as_it_wants_however_slowly(wish: Twist2) -> None:
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), DOOR)
+    for k in range(240):
+        at = State(-0.6 + 0.05 * k * wish.v, 0.0, 0.0, *wish)
+        step = made.step(0.05 * k, at, wish, Snapshot((row("r1", at.x, at.y),), 0.05 * k, 1, 0.0), (1.5, 0.0))
+        assert step == (wish, "") or k < 18

@@ -189,6 +189,15 @@ def test_it_is_the_turn_of_the_side_on_which_a_robot_has_waited_longest(
     assert (place_to_wait(gate, -0.9, 0.0, [other], clock, waits) is None) is goes
 
 
+def test_who_does_not_go_for_long_keeps_nobody_waiting() -> None:
+    """It may not want to go through at all."""
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    other = near(0.6, 0.5, omega=FIDGET, theta=math.pi)
+    for seconds, goes in ((15.0, False), (17.0, True)):
+        waits = [Wait(-0.9, 0.0, 2.0), Wait(0.6, 0.5, seconds)]
+        assert (place_to_wait(gate, -0.9, 0.0, [other], THEIR_TURN, waits) is None) is goes
+
+
 @pytest.mark.parametrize("seconds", [0.9, 5.0])
 def test_the_clock_decides_while_nobody_has_waited_or_both_sides_have_equally(seconds: float) -> None:
     (gate,) = gates_between(DOOR, ARENA, KEEP)

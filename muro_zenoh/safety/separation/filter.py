@@ -37,6 +37,8 @@ _AHEAD_OF_WHEELS: Final = 0.55
 further shake the wheels, and with less a crowd takes longer to dissolve. Measured on ten robots that swap places."""
 _ELSEWHERE: Final = 0.3
 """A target that has moved further is another one [m]."""
+_MOMENT: Final = 1.0
+"""A robot that is kept from what it wants may do it in between for less than this [s]."""
 _NEARLY_THERE: Final = 0.15
 """Nearer to its target a robot may stand without losing patience [m]."""
 
@@ -79,6 +81,8 @@ class Separation:
         self._target: Point | None = None
         self._free = True
         """Whether the robot did as it wanted in the last step."""
+        self._kept_at = -math.inf
+        """When it last did not [s]."""
         self._courtesy = Courtesy(self._route.gates)
         self._patience = Patience(sorted({name, *others}).index(name))
 
@@ -137,8 +141,10 @@ class Separation:
         # One that cannot get any nearer to its place in a passage is parked there as well.
         parked = rests or (target is not None and not far and not self._free and self._courtesy.blocks(target))
         room = self._courtesy.look(now, state, parked, target, near, self._inside)
-        # In a passage a robot that only turns as it wants does not get on either.
-        kept = not self._free or self._route.passes
+        if not self._free:
+            self._kept_at = now
+        # In a passage one that may turn as it wants for a moment does not get on either.
+        kept = not self._free or (self._route.passes and now - self._kept_at < _MOMENT)
         wants = not rests and far and kept and room is None
         stood = self._patience.look(now, state, wants, self._route.waits)
         if rests or room is not None:

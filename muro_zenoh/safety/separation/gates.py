@@ -26,6 +26,8 @@ _TURN: Final = 8.0
 """For how long it is one side's turn by the clock [s]: two or three robots pass."""
 _WAITED: Final = 1.0
 """The clock decides until a robot has waited for this time [s]."""
+_PATIENT: Final = 16.0
+"""One that has waited for this time has had its turn and did not go: its side has no turn because of it [s]."""
 _PLACE: Final = 0.3
 """A robot that has come further than this from where it began to wait has got on [m]."""
 _PAUSE: Final = 1.0
@@ -69,7 +71,7 @@ def gates_between(walls: Sequence[Wall], arena: Bounds, keep: float) -> list[Gat
             x, y = 0.5 * (ax + bx), 0.5 * (ay + by)
             # None where the two cross, or a third wall stands between them: that is nearer to the middle.
             is_free = all(each.distance(x, y) > 0.5 * width - _ROUNDING for each in every)
-            if is_free and 2.0 * keep <= width <= _WIDEST * 4.0 * keep:
+            if 2.0 * keep <= width <= _WIDEST * 4.0 * keep and is_free:
                 gates.append(Gate(x, y, -(by - ay) / width, (bx - ax) / width, 0.5 * width))
     return gates
 
@@ -141,7 +143,7 @@ def _has_turn(gate: Gate, sign: float, waits: Sequence[Wait], clock: float) -> b
     longest = {True: 0.0, False: 0.0}
     for wait in waits:
         dx, dy = wait.x - gate.x, wait.y - gate.y
-        if math.hypot(dx, dy) < _ZONE:
+        if math.hypot(dx, dy) < _ZONE and wait.seconds < _PATIENT:
             mine = sign * (dx * gate.nx + dy * gate.ny) > 0.0
             longest[mine] = max(longest[mine], wait.seconds)
     if max(longest.values()) < _WAITED or longest[True] == longest[False]:
