@@ -60,7 +60,7 @@ class Courtesy:
         Args:
             now: the time [s].
             state: the robot's state.
-            rests: whether it is where it wants to be.
+            rests: whether it is where it wants to be, or as near as it gets.
             target: where it wants to be [m, world]; None for where it is.
             near: the neighbours.
             inside: where its centre may be.

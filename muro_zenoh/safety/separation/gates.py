@@ -1,8 +1,9 @@
 """Right of way where two robots cannot pass: it is the turn of the side on which a robot has waited longest.
 
-While nobody has waited, the sides take turns by the clock that all share. A side whose turn it is goes, one robot after
-another, and so does the other while nobody comes from that side. Who is inside goes on. Those who wait line up beside
-the gate, on their right, and leave its middle to those who come out.
+How long the others have waited each robot knows from what it has seen itself. While nobody has waited, the sides take
+turns by the clock that all share. A side whose turn it is goes, one robot after another, and so does the other while
+nobody comes from that side. Who is inside goes on. Those who wait line up beside the gate, on their right, and leave its
+middle to those who come out.
 """
 
 from __future__ import annotations
@@ -193,6 +194,6 @@ def _takes_part(other: Near) -> bool:
     """Whether a neighbour drives or waits to; one that is parked does not.
 
     One that waits is overlooked for a moment whenever it turns the other way. Without that chance to go first, more
-    robots stand for ten seconds (in 11 of 80 doorways in place of 5).
+    robots stand for ten seconds (in 11 of 80 doorways in place of 5, when turns were by the clock).
     """
     return math.hypot(other.vx, other.vy) > 0.03 or abs(other.omega) > 0.5 * FIDGET

@@ -2,9 +2,9 @@
 
 1. A direction that is not free is turned clockwise by the smallest angle that is. All do, so they pass on one side; but
    round one that is parked the shorter way is planned, and kept to.
-2. A robot that stands too long prefers the other side for a while, then backs off, from a queue until it is its turn;
-   how long is too long depends on its place in the order of names, so that two that block each other do not do the same
-   at the same time.
+2. A robot that stands too long prefers the other side for a while, then backs off, from a queue until it is its turn
+   and also to where there is less room; how long is too long depends on its place in the order of names, so that two
+   that block each other do not do the same at the same time.
 3. One that cannot go on turns to and fro where it stands: so the others see that it waits and is not parked.
 4. One that is parked where it wants to be makes room for one that waits or comes.
 """
