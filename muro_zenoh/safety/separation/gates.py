@@ -2,8 +2,8 @@
 
 How long the others have waited each robot knows from what it has seen itself. While nobody has waited, the sides take
 turns by the clock that all share. A side whose turn it is goes, one robot after another, and so does the other while
-nobody comes from that side. Who is inside goes on. Those who wait line up beside the gate, on their right, and leave its
-middle to those who come out.
+nobody comes from that side. Who is inside goes on. Those who wait line up beside the gate, on their right, and leave
+its middle to those who come out.
 """
 
 from __future__ import annotations
