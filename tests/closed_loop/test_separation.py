@@ -19,6 +19,7 @@ from muro_zenoh.safety.separation.guidance import FIDGET
 from muro_zenoh.safety.separation.knowledge import Knowledge
 from muro_zenoh.safety.separation.path import braking_path
 from muro_zenoh.simulation.plant import Plant
+from muro_zenoh.walls import Wall
 
 BODY = Body()
 SETTINGS = SeparationSettings()
@@ -204,7 +205,7 @@ def test_a_robot_gets_round_a_parked_one(start: tuple[float, float, float], goal
 def test_robots_of_both_sides_get_through_a_doorway() -> None:
     starts = [(-0.8, 0.5, 0.0), (-0.8, -0.5, 0.0), (0.8, 0.5, math.pi), (0.8, -0.5, math.pi)]
     goals = [(1.5, 0.9), (1.5, -0.9), (-1.5, 0.9), (-1.5, -0.9)]
-    walls = ((0.0, 0.4, 0.0, 1.5), (0.0, -1.5, 0.0, -0.4))
+    walls = (Wall(0.0, 0.4, 0.0, 1.5), Wall(0.0, -1.5, 0.0, -0.4))
     world = World(starts, 0, delays=[0.1] * 4)
     arena = Bounds(-2.1, 2.1, -1.5, 1.5)
     filters = [Separation(me, BODY, dict.fromkeys(world.names, BODY), arena, SETTINGS, walls) for me in world.names]
