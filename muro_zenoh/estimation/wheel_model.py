@@ -57,11 +57,7 @@ def step_wheels(
     Returns:
         ``(v, omega)`` after ``dt``.
     """
-    one: Any = follow
-    if isinstance(v, float):
-        if v == v_cmd and omega == omega_cmd:  # mostly at rest
-            return v_cmd, omega_cmd
-        one = _follow_float
+    one: Any = _follow_float if isinstance(v, float) else follow
     return (
         one(v, v_cmd, limits.a_max, limits.brake, limits.lag, dt),
         one(omega, omega_cmd, limits.alpha_max, limits.alpha_brake, limits.lag, dt),

@@ -1,7 +1,7 @@
 """Simulated robots: unicycles whose wheels have lag, scale errors and slip.
 
-Used by the simulator process and by the lock-step rollout. Bodies pass through each other and
-through walls; contacts are counted.
+Used by the simulator process and by the lock-step rollout. Bodies pass through each other and through walls; contacts
+are counted.
 """
 
 from __future__ import annotations

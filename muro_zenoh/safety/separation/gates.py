@@ -70,9 +70,10 @@ def gates_between(walls: Sequence[Wall], arena: Bounds, keep: float) -> list[Gat
             (ax, ay), (bx, by) = nearest_points(_stretch(wall), _stretch(other))
             width = math.hypot(bx - ax, by - ay)
             x, y = 0.5 * (ax + bx), 0.5 * (ay + by)
+            if not 2.0 * keep <= width <= _WIDEST * 4.0 * keep:
+                continue
             # None where the two cross, or a third wall stands between them: that is nearer to the middle.
-            is_free = all(each.distance(x, y) > 0.5 * width - _ROUNDING for each in every)
-            if 2.0 * keep <= width <= _WIDEST * 4.0 * keep and is_free:
+            if all(each.distance(x, y) > 0.5 * width - _ROUNDING for each in every):
                 gates.append(Gate(x, y, -(by - ay) / width, (bx - ax) / width, 0.5 * width))
     return gates
 
