@@ -189,6 +189,19 @@ def test_it_is_the_turn_of_the_side_on_which_a_robot_has_waited_longest(
     assert (place_to_wait(gate, -0.9, 0.0, [other], clock, waits) is None) is goes
 
 
+@pytest.mark.parametrize("clock", [MY_TURN, THEIR_TURN])
+@pytest.mark.parametrize(("mine", "theirs", "goes"), [(5.0, 3.5, False), (5.0, 2.5, True)])
+def test_each_robot_more_on_a_side_counts_like_a_second(clock: float, mine: float, theirs: float, goes: bool) -> None:
+    (gate,) = gates_between(DOOR, ARENA, KEEP)
+    other = near(0.6, 0.5, omega=FIDGET, theta=math.pi)
+    waits = [Wait(-0.9, 0.0, mine), Wait(0.6, 0.5, theirs)]
+    robots = [(-0.9, 0.0), (0.6, 0.5), (1.5, 1.0), (1.9, -1.0)]
+    assert (place_to_wait(gate, -0.9, 0.0, [other], clock, waits, robots) is None) is goes
+    many = [(-0.9, 0.0), (0.6, 0.5), *((1.5, 0.1 * k) for k in range(12))]
+    waits = [Wait(-0.9, 0.0, 15.0), Wait(0.6, 0.5, 6.5)]
+    assert place_to_wait(gate, -0.9, 0.0, [other], clock, waits, many) is None, "8 s at most"
+
+
 def test_who_does_not_go_for_long_keeps_nobody_waiting() -> None:
     """It may not want to go through at all."""
     (gate,) = gates_between(DOOR, ARENA, KEEP)
@@ -296,34 +309,51 @@ def test_a_robot_that_has_backed_off_from_a_queue_is_patient_again() -> None:
     assert 0.0501 * retreats[began + lasts :].index(True) > 0.4
 
 
-def test_from_a_queue_a_robot_backs_off_also_to_where_there_is_less_room() -> None:
+def test_a_robot_that_backs_off_is_in_the_queue_although_whose_turn_it_is_changes_to_and_fro() -> None:
+    patience, still = Patience(0), State(0.0, 0.0, 0.0, 0.0, 0.0)
+    log = []
+    for k in range(80):
+        patience.look(0.05 * k, still, True, k % 9 == 0)
+        log.append((patience.side, patience.retreating))
+    began = next(k for k, entry in enumerate(log) if entry != (-1.0, False))
+    assert 0.05 * began > 2.95, "elsewhere it loses patience after 2.5 s"
+    assert log[began] == (-1.0, True), "elsewhere it tries the other side first"
+
+
+def test_in_front_of_a_gate_a_robot_backs_off_also_to_where_there_is_less_room() -> None:
     """Elsewhere it stays: where all stand in a queue, they shut in those who come out of the gate."""
     still, shut_in = State(0.0, 0.0, 0.0, 0.0, 0.0), [near(x, y) for x, y in ((-0.7, 0.0), (0.7, 0.0), (0.0, -0.7))]
-    for queues in (True, False):
-        patience = Patience(0)
-        steps = (patience.look(0.05 * k, still, True, queues) for k in range(400))
-        next(k for k, _ in enumerate(steps) if patience.retreating)
-        away = roomiest(still, shut_in, ARENA.shrunk(KEEP), 0.2, may_stay=patience.may_stay)
-        assert (away != (0.0, 0.0)) is queues
+    for may_stay in (True, False):
+        away = roomiest(still, shut_in, ARENA.shrunk(KEEP), 0.2, may_stay=may_stay)
+        assert (away == (0.0, 0.0)) is may_stay
 
 
 def test_a_robot_that_may_not_stay_goes_where_it_gets_anywhere() -> None:
     """There is as little room behind it as here, but ahead and beside it cannot move at all."""
-    still, around = State(0.0, 0.0, 0.0, 0.0, 0.0), [near(x, y) for x, y in ((0.4, 0.0), (0.0, 0.45), (0.0, -0.45))]
+    still, around = State(0.0, 0.0, 0.0, 0.0, 0.0), [near(x, y) for x, y in ((0.4, 0.0), (0.0, 0.41), (0.0, -0.41))]
     x, y = roomiest(still, [*around, near(-0.52, 0.0)], ARENA.shrunk(KEEP), 0.2, may_stay=False)
     assert (x, y) == pytest.approx((-0.2, 0.0))
     assert roomiest(still, [*around, near(-0.45, 0.0)], ARENA.shrunk(KEEP), 0.2, may_stay=False) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("heading", [0.5 * math.pi, -0.5 * math.pi])
+def test_a_robot_that_backs_off_goes_where_it_need_not_turn_unless_there_is_much_more_room(heading: float) -> None:
+    """Beside it there is a little more room on its left than on its right, or much more."""
+    state = State(0.0, 0.0, heading, 0.0, 0.0)
+    beside = [near(-0.5, 0.0), near(0.5, 0.0)]
+    for y, goes in ((-1.03, math.copysign(1.0, heading)), (-0.6, 1.0)):
+        _, uy = roomiest(state, [*beside, near(0.0, 1.05), near(0.0, y)], ARENA.shrunk(KEEP), 0.2, may_stay=False)
+        assert math.copysign(1.0, uy) == goes
+
+
 def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:
-    """One that backs off elsewhere does so to the end."""
+    """When that is over at once, it goes on backing off; one that backs off elsewhere does so to the end."""
     still = State(0.0, 0.0, 0.0, 0.0, 0.0)
     for queues in (True, False):
         patience = Patience(0)
         steps = (patience.look(0.05 * k, still, True, queues) for k in range(400))
         next(k for k, _ in enumerate(steps) if patience.retreating)
-        patience.take_turn()
-        assert patience.retreating is not queues
+        assert [patience.backs_off(turn) for turn in (False, True, False)] == [True, not queues, True]
 
 
 def test_a_robot_that_backs_off_knows_whether_it_is_its_turn() -> None:

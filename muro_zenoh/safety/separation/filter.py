@@ -189,21 +189,21 @@ class Separation:
         velocity = desired
         if target is not None:
             gives_way = not patience.retreating
-            velocity = self._route.toward(now, (x, y), desired, target, near, stood, gives_way, clock)
-            if self._route.passes:
-                patience.take_turn()
+            robots = [(x, y), *self._known.positions]
+            velocity = self._route.toward(now, (x, y), desired, target, near, stood, gives_way, clock, robots)
         else:
             self._route.leave()
+        backs_off = patience.backs_off(self._route.passes)
         ux, uy = velocity
         rows = rows_of(x, y, near)
         parked = self._route.parked if target is not None and velocity != desired else ()
         when, who = first_met(x, y, ux, uy, [other for other in near if other not in parked] if parked else near)
         is_free = when >= HORIZON and all(nx * ux + ny * uy <= bound for nx, ny, bound in rows)
         blocker = certificate.blocker(wanted) if is_free or who is None else ""  # else it gives way to that one anyhow
-        if is_free and not blocker and velocity == desired and not patience.retreating:
+        if is_free and not blocker and velocity == desired and not backs_off:
             return Separated(wanted, "")
-        if patience.retreating:
-            ux, uy = roomiest(state, near, self._inside, _SLOW, may_stay=patience.may_stay)
+        if backs_off:
+            ux, uy = roomiest(state, near, self._inside, _SLOW, may_stay=not self._route.at_gate)
         elif who is not None and when < HORIZON:
             if (target is None or self._route.passes) and goes_along(who, ux, uy):
                 ux, uy = free_speed(x, y, ux, uy, near)

@@ -32,10 +32,15 @@ _RANKS: Final = 10
 names [s]; after so many robots it begins anew."""
 _QUEUES_FOR: Final = 3.0
 """How long it waits in a queue instead [s]."""
+_AT_ONCE: Final = 0.5
+"""One that has waited in a queue until so recently does so still [s]: whose turn it is may change to and fro."""
 _TRIES_FOR: Final = 2.5
 """How long it tries that [s]."""
 _GAIN: Final = 0.05
 """So much more room is worth going for [m]."""
+_AHEAD: Final = 0.1
+"""So much more room there has to be to the side than ahead, and twice as much behind [m]: a robot that turns to where
+there is most at each moment turns to and fro, and never drives."""
 _STEP: Final = 0.35
 """How far ahead room is looked for [m]."""
 _LEAST_STEP: Final = 0.1
@@ -135,6 +140,7 @@ class Patience:
         self._since = 0.0
         self._until = -math.inf
         self._tries = 0
+        self._waited_at = -math.inf
         self._queued = False  # whether it backs off, or did so last, from a queue
         self.side = -1.0
         """The side to turn to: -1 clockwise."""
@@ -154,7 +160,9 @@ class Patience:
             For how long it has stood [s].
         """
         here = state.x, state.y
-        queues = queues or (self.retreating and self._queued)
+        if queues:
+            self._waited_at = now
+        queues = now - self._waited_at <= _AT_ONCE or (self.retreating and self._queued)
         if not wants:
             self._tries = 0
         if not wants or self._anchor is None or math.dist(here, self._anchor) > _MOVED:
@@ -172,15 +180,13 @@ class Patience:
                     self._queued = queues
         return now - self._since
 
-    @property
-    def may_stay(self) -> bool:
-        """Whether a robot that backs off may stay where it has most room; not in a queue: where all stand in front of
-        a gate, they shut in those who come out."""
-        return not self._queued
+    def backs_off(self, has_turn: bool) -> bool:
+        """Whether the robot backs off now; from a queue not while it is its turn.
 
-    def take_turn(self) -> None:
-        """It is the robot's turn at a gate: it backs off no longer from the queue in which it waited."""
-        self.retreating = self.retreating and not self._queued
+        Args:
+            has_turn: whether it is its turn at the gate in its way.
+        """
+        return self.retreating and not (has_turn and self._queued)
 
 
 def roomiest(
@@ -199,16 +205,19 @@ def roomiest(
         inside: where its centre may be.
         speed: how fast [m/s].
         away_from: a neighbour out of whose way to go.
-        may_stay: whether the robot stays where it has as much room as elsewhere.
+        may_stay: whether the robot stays where it has as much room as elsewhere; not in front of a gate, where it shuts
+            in those who come out.
     """
     best, found = -math.inf, (0.0, 0.0)
     if may_stay:
         best = _room(state.x, state.y, near, inside, away_from) + _GAIN
     for k in range(16):
-        c, s = math.cos(k * math.pi / 8.0), math.sin(k * math.pi / 8.0)
+        angle = k * math.pi / 8.0
+        c, s = math.cos(angle), math.sin(angle)
         free, _ = first_met(state.x, state.y, speed * c, speed * s, near)
         step = min(_STEP, speed * free)
         room = _room(state.x + step * c, state.y + step * s, near, inside, away_from)
+        room -= _AHEAD * (1.0 - math.cos(angle - state.theta))
         if room > best and (may_stay or step >= _LEAST_STEP):
             best, found = room, (speed * c, speed * s)
     return found

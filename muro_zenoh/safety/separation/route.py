@@ -71,6 +71,7 @@ class Route:
         stood: float,
         gives_way: bool,
         clock: float,
+        robots: Sequence[Point] = (),
     ) -> Point:
         """The preferred velocity on the way to a place.
 
@@ -83,6 +84,7 @@ class Route:
             stood: for how long the robot has stood [s].
             gives_way: whether it goes to its place in the queue when it has to let others through a gate first.
             clock: the time that all robots share [s].
+            robots: where all robots are, itself among them [m, world].
 
         Returns:
             The velocity [m/s], no faster than the desired one.
@@ -108,7 +110,7 @@ class Route:
         self._gate = gate_ahead(self.gates, [here, *self._plan[1:]]) if self.gates else None
         waits = self._waits.look(now, here, near) if self.gates else ()
         if self._gate is not None:
-            place = place_to_wait(self._gate, *here, near, clock, waits)
+            place = place_to_wait(self._gate, *here, near, clock, waits, robots)
             self.passes = place is None
             if place is not None and gives_way:
                 self.waits = True
@@ -136,6 +138,11 @@ class Route:
             if away < other.keep - _CLOSE and away < math.dist(start, (other.x, other.y)) - _CLOSE:
                 return False
         return self._planner.sees(start, end)
+
+    @property
+    def at_gate(self) -> bool:
+        """Whether there is a gate in the robot's way, and near."""
+        return self._gate is not None
 
     def leave(self) -> None:
         """There is no place to drive to any more, or another one: no way to follow, and no turn to wait for."""
