@@ -155,6 +155,35 @@ def test_who_waits_long_at_a_doorway_does_not_stand_there() -> None:
     assert not any(waits[80:])
 
 
+def test_who_backs_off_from_a_doorway_turns_back_while_it_is_its_turn() -> None:
+    """It looks away from the doorway: it drives to back off, and turns on the spot to go through."""
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), DOOR)
+    at, gone = State(-0.55, -0.55, -0.75 * math.pi, 0.0, 0.0), row("r2", 1.5, 1.0)
+    inside = row("r2", 0.2, 0.0, math.pi, 0.1)
+    drives = []
+    for k in range(110):
+        other = gone if 90 <= k < 95 else inside
+        snapshot = Snapshot((row("r1", at.x, at.y, at.theta), other), 0.05 * k, 1, 0.0)
+        drives.append(made.step(0.05 * k, at, Twist2(0.1, 0.3), snapshot, (1.0, 0.0)).twist.v > 0.02)
+    assert not any(drives[22:75])
+    assert all(drives[80:90])
+    assert not any(drives[90:95])
+    assert all(drives[96:])
+
+
+@pytest.mark.parametrize("x", [-1.5, 1.5])
+def test_the_robots_on_each_side_of_a_doorway_count(x: float) -> None:
+    """Two have waited equally long; it goes when the third is on its own side."""
+    made = Separation("r1", BODY, {**FLEET, "r3": BODY}, ARENA, SeparationSettings(), DOOR)
+    at, other = State(-0.7, 0.0, 0.0, 0.0, 0.0), row("r2", 0.7, 0.0, math.pi)._replace(omega=0.4)
+    goes = []
+    for k in range(80):
+        snapshot = Snapshot((row("r1", at.x, at.y), other, row("r3", x, -1.2)), 0.05 * k, 1, 0.0)
+        goes.append(made.step(0.05 * k, at, Twist2(0.1, 0.0), snapshot, (1.5, 0.0)).twist.v > 0.05)
+    assert all(goes[40:70]) is (x < 0.0)
+    assert any(goes[40:70]) is (x < 0.0)
+
+
 def test_who_only_turns_in_a_doorway_does_not_get_on() -> None:
     """It is its turn, and another one is parked in its way. Now and then it may turn as it wants; else the filter turns
     it back. After a while it backs off all the same."""
