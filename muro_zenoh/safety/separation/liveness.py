@@ -39,8 +39,8 @@ _TRIES_FOR: Final = 2.5
 _GAIN: Final = 0.05
 """So much more room is worth going for [m]."""
 _AHEAD: Final = 0.1
-"""So much more room there has to be to the side than ahead, and twice as much behind [m]: a robot that turns to where
-there is most at each moment turns to and fro, and never drives."""
+"""So much more room there has to be to the side than ahead, and twice as much behind, for a robot that may not stay [m]:
+one that turns to where there is most at each moment turns to and fro, and never drives."""
 _STEP: Final = 0.35
 """How far ahead room is looked for [m]."""
 _LEAST_STEP: Final = 0.1
@@ -217,7 +217,8 @@ def roomiest(
         free, _ = first_met(state.x, state.y, speed * c, speed * s, near)
         step = min(_STEP, speed * free)
         room = _room(state.x + step * c, state.y + step * s, near, inside, away_from)
-        room -= _AHEAD * (1.0 - math.cos(angle - state.theta))
+        if not may_stay:
+            room -= _AHEAD * (1.0 - math.cos(angle - state.theta))
         if room > best and (may_stay or step >= _LEAST_STEP):
             best, found = room, (speed * c, speed * s)
     return found
