@@ -1,6 +1,6 @@
 # make demo          five simulated robots on a circle, from a fresh clone
 # make setup         everything that the tests, the figures and the benchmarks need, into .venv
-# make compiled      the same with the hot modules compiled, a third faster, into .venv-compiled
+# make compiled      the same with the hot modules compiled, 1.4 times as fast, into .venv-compiled
 # make test          the whole suite;  make test-fast leaves out what takes long
 # make check         lint, format, types of Python and JavaScript, layers
 # make mutants       break what keeps robots from driving, and see the tests fail;  MODULE=safety  a part of it
