@@ -42,7 +42,7 @@ def build(root: Path, into: Path, target: str, **variables: str) -> subprocess.C
     """Build a distribution with hatchling."""
     command = [sys.executable, "-P", "-m", "hatchling", "build", "--target", target, "--directory", str(into)]
     environment = {**os.environ, "MURO_WITHOUT_PAGE": "1", **variables}
-    return subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=seconds(60))
+    return subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=seconds(120))
 
 
 def unpacked_wheel(root: Path, into: Path, **variables: str) -> Path:
