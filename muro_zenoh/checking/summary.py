@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from muro_zenoh import is_compiled
 from muro_zenoh.checking.check import COVERING, Report
 from muro_zenoh.checking.contacts import ContactClass
 from muro_zenoh.checking.coverage import CELLS, Activity, as_nested
@@ -52,6 +53,7 @@ def as_table(report: Report) -> dict[str, Any]:
         "simulated_s": round(sum(result.duration for result in results), 1),
         "wall_s": round(report.wall, 1),
         "times_real_time": round(report.times_real_time, 1),
+        "compiled": is_compiled(),
         "interrupted": report.interrupted,
         "worst": [result.seed for result in report.broken[:_WORST]] or [r.seed for r in report.by_severity()[:3]],
         "problems": report.problems(),
@@ -85,7 +87,7 @@ def _numbers(report: Report) -> Iterator[str]:
     jobs = "1 process" if report.plan.jobs == 1 else f"{report.plan.jobs} processes"
     yield (
         f"{trials}, {table['simulated_s']:.0f} s simulated in {table['wall_s']:.0f} s by {jobs}; "
-        f"{table['times_real_time']:g} times real time on one core"
+        f"{table['times_real_time']:g} times real time on one core" + (", compiled" if table["compiled"] else "")
     )
     if report.replaced:
         stood = sum(1 for result in report.replaced.values() if "%" in result.lacks)

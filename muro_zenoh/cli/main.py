@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from muro_zenoh import __version__
+from muro_zenoh import __version__, is_compiled
 from muro_zenoh.cli.group import MuroGroup
 from muro_zenoh.cli.options import example
 
@@ -28,6 +28,6 @@ COMMANDS = {
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
     epilog=example("muro run pursuit", "muro stop", "muro topic list"),
 )
-@click.version_option(__version__, prog_name="muro")
+@click.version_option(f"{__version__} (compiled)" if is_compiled() else __version__, prog_name="muro")
 def main() -> None:
     """A lab of ground robots, run from Python over Zenoh."""

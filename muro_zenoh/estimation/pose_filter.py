@@ -16,12 +16,11 @@ from typing import NamedTuple
 
 from muro_zenoh.arcs import carry
 from muro_zenoh.estimation import ekf
-from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean, Stretch
+from muro_zenoh.estimation.ekf import Covariance, Fix, Mean, Stretch
+from muro_zenoh.estimation.filter_settings import FilterSettings
 from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
 from muro_zenoh.estimation.wheel_track import WheelTrack
 from muro_zenoh.geometry import State, wrap_to_pi
-
-__all__ = ["FilterSettings", "FixResult", "PoseEstimate", "PoseFilter"]
 
 _DEFAULT_WHEELS = WheelLimits()
 
@@ -130,9 +129,7 @@ class PoseFilter:
         if t_capture > max(self._track.newest, anchors[-1].t) + self._settings.history:
             # Taken in, one wrong stamp would make every true fix after it too old. A row of them is no wrong stamp.
             return self._gate(t_capture, fix, math.nan, "from the future")
-        i = len(anchors)
-        while i and anchors[i - 1].t > t_capture:
-            i -= 1
+        i = self._anchors_until(t_capture)
         if i == 0:
             return FixResult(False, "too old", math.nan, False)
         anchor, nis = self._apply(anchors[i - 1], t_capture, fix)
@@ -159,11 +156,10 @@ class PoseFilter:
             t: for when [s].
         """
         self._coast(t)
-        for anchor in reversed(self._anchors):
-            if anchor.t <= t:
-                break
-        else:
+        i = self._anchors_until(t)
+        if i == 0:
             return None
+        anchor = self._anchors[i - 1]
         stretch, (v, omega) = self._roll(anchor.mean, anchor.t, t)
         mean, P = ekf.predict(anchor.mean, anchor.cov, stretch, self._settings)
         return PoseEstimate(
@@ -199,6 +195,13 @@ class PoseFilter:
             horizon,
         )
         return State(x, y, theta, estimate.s_v * v1, estimate.s_omega * omega1)
+
+    def _anchors_until(self, t: float) -> int:
+        """How many of the anchors are not later than ``t``; most often all."""
+        i = len(self._anchors)
+        while i and self._anchors[i - 1].t > t:
+            i -= 1
+        return i
 
     def _coast(self, t: float) -> None:
         """Without fixes for two seconds, move the anchor on: nothing is rolled forward twice for ever."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 
-from muro_zenoh.estimation.ekf import FilterSettings
+from muro_zenoh.estimation.filter_settings import FilterSettings
 from muro_zenoh.estimation.wheel_model import WheelLimits, step_wheels
 
 Piece = tuple[float, float, float]

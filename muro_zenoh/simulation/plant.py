@@ -13,7 +13,8 @@ import numpy as np
 from muro_zenoh.arcs import chord
 from muro_zenoh.arrays import ARRAYS
 from muro_zenoh.elementwise import Array
-from muro_zenoh.estimation.wheel_model import WheelLimits, follow
+from muro_zenoh.estimation.limited_lag import follow_array
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.simulation.noise import GaussianRows
 from muro_zenoh.walls import Wall
 
@@ -62,11 +63,11 @@ class Plant:
         if not 0.0 <= drive_error < 1.0:
             raise ValueError(f"drive_error {drive_error}: expected a fraction in [0, 1)")
         n = len(starts)
-        limits = _stack(limits, n)
+        kinds = _kinds(limits, n)
         # (2, 1) for one kind of robot, (2, N) for many
-        self._grow: Array = np.array((limits.a_max, limits.alpha_max)).reshape(2, -1)
-        self._fall: Array = np.array((limits.brake, limits.alpha_brake)).reshape(2, -1)
-        self._lag = limits.lag
+        self._grow: Array = np.array([(kind.a_max, kind.alpha_max) for kind in kinds]).T
+        self._fall: Array = np.array([(kind.brake, kind.alpha_brake) for kind in kinds]).T
+        self._lag: Array = np.array([kind.lag for kind in kinds])
         self._slip = slip
         # Rows: x y theta of the truth, then of the encoders' integrated pose; advanced together.
         bodies = 2 if add_odometry else 1
@@ -142,7 +143,7 @@ class Plant:
             commands: (N, 2): v [m/s], omega [rad/s] for the nominal wheels.
             dt: the step [s], at most about 0.05 s: the speeds are taken as linear within it.
         """
-        speeds = follow(self._speeds, commands.T, self._grow, self._fall, self._lag, dt)
+        speeds = follow_array(self._speeds, commands.T, self._grow, self._fall, self._lag, dt)
         nominal = (0.5 * dt) * (self._speeds + speeds)
         self._speeds = speeds
         self.time += dt
@@ -198,12 +199,12 @@ def _advance(state: Array, length: Array, turn: Array) -> None:
     state[2] = ARRAYS.wrap(state[2] + turn)
 
 
-def _stack(limits: WheelLimits | Sequence[WheelLimits] | None, n: int) -> WheelLimits:
-    """One WheelLimits for all robots: the given one, or arrays with an entry per robot."""
+def _kinds(limits: WheelLimits | Sequence[WheelLimits] | None, n: int) -> Sequence[WheelLimits]:
+    """The wheels of one kind of robot, or of each of many."""
     if limits is None:
-        return WheelLimits()
+        return [WheelLimits()]
     if isinstance(limits, WheelLimits):
-        return limits
+        return [limits]
     if len(limits) != n:
         raise ValueError(f"{len(limits)} wheel limits for {n} robots: expected one, or one per robot")
-    return WheelLimits(*(np.array(column, dtype=np.float64) for column in zip(*limits, strict=True)))
+    return limits

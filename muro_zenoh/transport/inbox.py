@@ -12,7 +12,8 @@ import logging
 import math
 import threading
 from abc import abstractmethod
-from typing import Generic, NamedTuple, Self, TypeVar
+from collections.abc import Coroutine
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from muro_zenoh.channels import NAME_PATTERN
 from muro_zenoh.errors import MessageError, TransportError
@@ -85,7 +86,7 @@ class Inbox(Declared, Generic[T]):
         self._stale_after = slot.stale_after
         self._clocks = slot.clocks
         self._depth = depth
-        self._thread = threading.get_ident()
+        self._loop_thread = threading.get_ident()
         self._lock = threading.Lock()
         self._raw: dict[str, list[Filed]] = {}
         self._awake = False
@@ -116,7 +117,7 @@ class Inbox(Declared, Generic[T]):
             if self._awake or self._waiter is None:
                 return
             self._awake = True
-        if threading.get_ident() == self._thread:  # from an in-memory link: the loop is awake
+        if threading.get_ident() == self._loop_thread:  # from an in-memory link: the loop is awake
             self._wake()
             return
         try:  # noqa: SIM105 - suppress() costs a microsecond on the path of every message
@@ -162,7 +163,8 @@ class Inbox(Declared, Generic[T]):
     def __aiter__(self) -> Self:
         return self
 
-    __anext__ = next
+    def __anext__(self) -> Coroutine[Any, Any, Received[T]]:
+        return self.next()
 
     def _wake(self) -> None:
         """Let the task that waits sort what was filed."""

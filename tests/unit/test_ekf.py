@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from muro_zenoh.estimation import ekf
-from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean
+from muro_zenoh.estimation.ekf import Covariance, Fix, Mean
+from muro_zenoh.estimation.filter_settings import FilterSettings
 
 Matrix = NDArray[np.float64]
 SETTINGS = FilterSettings()

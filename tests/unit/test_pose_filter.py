@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from muro_zenoh.estimation.pose_filter import FilterSettings, FixResult, PoseFilter
+from muro_zenoh.estimation.filter_settings import FilterSettings
+from muro_zenoh.estimation.pose_filter import FixResult, PoseFilter
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.simulation.plant import Plant
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from muro_zenoh.estimation.limited_lag import follow_array
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow, step_wheels
 
 LIMITS = WheelLimits()
@@ -73,7 +74,7 @@ def test_no_lag_is_ideal_within_the_acceleration() -> None:
 def test_arrays_do_what_floats_do(data: list[tuple[float, float]], dt: float) -> None:
     v, target = (np.array(column) for column in zip(*data, strict=True))
     with np.errstate(all="raise", under="ignore"):
-        many = follow(v, target, 0.5, 1.0, 0.1, dt)
+        many = follow_array(v, target, np.array(0.5), np.array(1.0), 0.1, dt)
     one = [follow(a, b, 0.5, 1.0, 0.1, dt) for a, b in data]
     np.testing.assert_allclose(many, one, rtol=0.0, atol=1e-12)
     assert all(math.isfinite(value) for value in one)

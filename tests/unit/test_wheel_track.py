@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from muro_zenoh.estimation.ekf import FilterSettings
+from muro_zenoh.estimation.filter_settings import FilterSettings
 from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.estimation.wheel_track import LONGEST_ARC, WheelTrack
 

@@ -39,7 +39,7 @@ _PLACE: Final = 0.3
 _PAUSE: Final = 1.0
 """One that has neither driven nor turned for this time, or was out of sight for it, has not waited: it begins anew
 [s]."""
-_SPOTS: Final = ((0.55, 0.55), (0.6, 1.05), (1.05, 0.75), (1.1, 1.25), (1.55, 0.9))
+_SPOTS: tuple[tuple[float, float], ...] = ((0.55, 0.55), (0.6, 1.05), (1.05, 0.75), (1.1, 1.25), (1.55, 0.9))
 """Where to wait, the nearest to the gate first: back from its middle, and to the robot's right [m]."""
 _APART: Final = 0.5
 """Of those whose turn it is, each keeps this further from the gate's middle than the one before it [m]."""

@@ -14,7 +14,7 @@ from muro_zenoh.safety.separation.body import Body
 
 _PIECES: Final = 4
 """Points of the held part."""
-_BRAKING: Final = (0.12, 0.15, 20.0)
+_BRAKING: tuple[float, ...] = (0.12, 0.15, 20.0)
 """Times between the points of the braking part [s]; the last one is until rest, whatever the speed."""
 _REST: Final = tuple((0.0, 0.0, dt) for dt in _BRAKING)
 _LEAST_LAG: Final = 1e-6

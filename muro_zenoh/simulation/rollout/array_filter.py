@@ -10,8 +10,10 @@ import numpy as np
 from muro_zenoh.arcs import carry
 from muro_zenoh.elementwise import Array
 from muro_zenoh.estimation import ekf
-from muro_zenoh.estimation.ekf import Covariance, FilterSettings, Fix, Mean
-from muro_zenoh.estimation.wheel_model import WheelLimits, follow
+from muro_zenoh.estimation.ekf import Covariance, Fix, Mean
+from muro_zenoh.estimation.filter_settings import FilterSettings
+from muro_zenoh.estimation.limited_lag import follow_array
+from muro_zenoh.estimation.wheel_model import WheelLimits
 from muro_zenoh.estimation.wheel_track import LONGEST_ARC
 
 
@@ -92,7 +94,7 @@ class ArrayFilter:
             x, y, theta = carry(x, y, theta, v, omega, dt)
         then = self._speeds
         if horizon > 0.0:
-            then = follow(self._speeds, command, self._grow, self._fall, self._lag, horizon)
+            then = follow_array(self._speeds, command, self._grow, self._fall, self._lag, horizon)
             v, omega = scales * (0.5 * (self._speeds + then))
             x, y, theta = carry(x, y, theta, v, omega, horizon)
         v, omega = scales * then

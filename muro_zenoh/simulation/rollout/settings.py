@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from muro_zenoh.estimation.ekf import FilterSettings
+from muro_zenoh.estimation.filter_settings import FilterSettings
 from muro_zenoh.estimation.wheel_model import WheelLimits
 
 REAL_WHEELS = WheelLimits()
