@@ -39,7 +39,7 @@ _TRIES_FOR: Final = 2.5
 _GAIN: Final = 0.05
 """So much more room is worth going for [m]."""
 _AHEAD: Final = 0.1
-"""So much more room there has to be to the side than ahead, and twice as much behind, for a robot that may not stay [m]:
+"""For a robot that may not stay there has to be so much more room to the side than ahead, and twice as much behind [m]:
 one that turns to where there is most at each moment turns to and fro, and never drives."""
 _STEP: Final = 0.35
 """How far ahead room is looked for [m]."""
