@@ -171,6 +171,18 @@ def test_who_backs_off_from_a_doorway_turns_back_while_it_is_its_turn() -> None:
     assert all(drives[96:])
 
 
+def test_who_is_shut_in_elsewhere_stays_where_it_has_most_room() -> None:
+    """Round it there is less."""
+    around = {"r2": (0.5, 0.0), "r3": (-0.5, 0.0), "r4": (0.0, 0.5), "r5": (0.0, -0.5)}
+    made = Separation("r1", BODY, dict.fromkeys(("r1", *around), BODY), ARENA, SeparationSettings())
+    at = State(0.0, 0.0, 0.25 * math.pi, 0.0, 0.0)
+    for k in range(200):
+        others = (row(name, x, y) for name, (x, y) in around.items())
+        snapshot = Snapshot((row("r1", at.x, at.y, at.theta), *others), 0.05 * k, 1, 0.0)
+        drives = made.step(0.05 * k, at, Twist2(0.1, 0.3), snapshot, (1.5, 0.0)).twist.v > 0.02
+        assert not drives or k < 40, "it tries to get on at first"
+
+
 @pytest.mark.parametrize("x", [-1.5, 1.5])
 def test_the_robots_on_each_side_of_a_doorway_count(x: float) -> None:
     """Two have waited equally long; it goes when the third is on its own side."""
