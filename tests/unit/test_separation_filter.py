@@ -171,6 +171,18 @@ def test_who_backs_off_from_a_doorway_turns_back_while_it_is_its_turn() -> None:
     assert all(drives[96:])
 
 
+def test_who_has_come_through_a_doorway_does_not_go_on_backing_off() -> None:
+    made = Separation("r1", BODY, FLEET, ARENA, SeparationSettings(), DOOR)
+    wish, inside, gone = Twist2(0.1, 0.0), row("r2", 0.2, 0.0, math.pi, 0.1), row("r2", -1.5, 1.0)
+    log = []
+    for k in range(120):
+        x, other = (-0.55, inside) if k < 90 else (0.6, gone)
+        snapshot = Snapshot((row("r1", x, 0.0), other), 0.05 * k, 1, 0.0)
+        log.append(made.step(0.05 * k, State(x, 0.0, 0.0, 0.0, 0.0), wish, snapshot, (1.5, 0.0)))
+    assert log[89] != (wish, ""), "it backs off"
+    assert log[-1] == (wish, ""), "it would do so for another half a second"
+
+
 def test_who_is_shut_in_elsewhere_stays_where_it_has_most_room() -> None:
     """Round it there is less."""
     around = {"r2": (0.5, 0.0), "r3": (-0.5, 0.0), "r4": (0.0, 0.5), "r5": (0.0, -0.5)}

@@ -311,13 +311,14 @@ def test_a_robot_that_has_backed_off_from_a_queue_is_patient_again() -> None:
 
 def test_a_robot_that_backs_off_is_in_the_queue_although_whose_turn_it_is_changes_to_and_fro() -> None:
     patience, still = Patience(0), State(0.0, 0.0, 0.0, 0.0, 0.0)
-    log = []
-    for k in range(80):
-        patience.look(0.05 * k, still, True, k % 9 == 0)
-        log.append((patience.side, patience.retreating))
-    began = next(k for k, entry in enumerate(log) if entry != (-1.0, False))
-    assert 0.05 * began > 2.95, "elsewhere it loses patience after 2.5 s"
-    assert log[began] == (-1.0, True), "elsewhere it tries the other side first"
+    for until, first in ((4.0, (3.05, -1.0, True)), (1.0, (2.55, 1.0, False))):  # elsewhere it tries the other side
+        patience.begin_anew()
+        log = []
+        for k in range(80):
+            now = 0.05 * k
+            patience.look(now, still, True, k % 9 == 0 and now < until)
+            log.append((pytest.approx(now, abs=0.06), patience.side, patience.retreating))
+        assert next(entry for entry in log if entry[1:] != (-1.0, False)) == first
 
 
 def test_in_front_of_a_gate_a_robot_backs_off_also_to_where_there_is_less_room() -> None:
@@ -336,14 +337,22 @@ def test_a_robot_that_may_not_stay_goes_where_it_gets_anywhere() -> None:
     assert roomiest(still, [*around, near(-0.45, 0.0)], ARENA.shrunk(KEEP), 0.2, may_stay=False) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize(("behind", "turns_back"), [(0.9, False), (1.3, True)])
 @pytest.mark.parametrize("heading", [0.5 * math.pi, -0.5 * math.pi])
-def test_a_robot_that_backs_off_goes_where_it_need_not_turn_unless_there_is_much_more_room(heading: float) -> None:
-    """Beside it there is a little more room on its left than on its right, or much more."""
-    state = State(0.0, 0.0, heading, 0.0, 0.0)
-    beside = [near(-0.5, 0.0), near(0.5, 0.0)]
-    for y, goes in ((-1.03, math.copysign(1.0, heading)), (-0.6, 1.0)):
-        _, uy = roomiest(state, [*beside, near(0.0, 1.05), near(0.0, y)], ARENA.shrunk(KEEP), 0.2, may_stay=False)
-        assert math.copysign(1.0, uy) == goes
+def test_a_robot_that_must_not_stay_turns_back_only_to_much_more_room(
+    heading: float, behind: float, turns_back: bool
+) -> None:
+    """There is none ahead of it where it gets to, and 0.15 m behind it or 0.21 m; beside it there is no way."""
+    state, side = State(0.0, 0.0, heading, 0.0, 0.0), math.copysign(1.0, heading)
+    around = [near(-0.5, 0.0), near(0.5, 0.0), near(0.0, 0.7 * side), near(0.0, -behind * side)]
+    _, uy = roomiest(state, around, ARENA.shrunk(KEEP), 0.2, may_stay=False)
+    assert (uy * side < 0.0) is turns_back
+
+
+def test_a_robot_that_may_stay_goes_to_the_most_room_wherever_it_looks() -> None:
+    beside = [near(0.0, 0.6), near(0.0, -0.6), near(1.2, 0.0), near(-1.2, 0.0)]
+    ways = [roomiest(State(0.0, 0.0, theta, 0.0, 0.0), beside, ARENA.shrunk(KEEP), 0.2) for theta in (0.0, math.pi)]
+    assert ways[0] == ways[1] != (0.0, 0.0)
 
 
 def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:
@@ -353,7 +362,7 @@ def test_who_backs_off_from_a_queue_goes_when_it_is_its_turn() -> None:
         patience = Patience(0)
         steps = (patience.look(0.05 * k, still, True, queues) for k in range(400))
         next(k for k, _ in enumerate(steps) if patience.retreating)
-        assert [patience.backs_off(turn) for turn in (False, True, False)] == [True, not queues, True]
+        assert [patience.backs_off(waits) for waits in (True, False, True)] == [True, not queues, True]
 
 
 def test_a_robot_that_backs_off_knows_whether_it_is_its_turn() -> None:

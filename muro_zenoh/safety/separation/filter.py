@@ -193,7 +193,7 @@ class Separation:
             velocity = self._route.toward(now, (x, y), desired, target, near, stood, gives_way, clock, robots)
         else:
             self._route.leave()
-        backs_off = patience.backs_off(self._route.passes)
+        backs_off = patience.backs_off(self._route.at_gate and not self._route.passes)
         ux, uy = velocity
         rows = rows_of(x, y, near)
         parked = self._route.parked if target is not None and velocity != desired else ()

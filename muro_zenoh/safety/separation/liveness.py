@@ -2,9 +2,9 @@
 
 1. A direction that is not free is turned clockwise by the smallest angle that is. All do, so they pass on one side; but
    round one that is parked the shorter way is planned, and kept to.
-2. A robot that stands too long prefers the other side for a while, then backs off, from a queue until it is its turn
-   and also to where there is less room; how long is too long depends on its place in the order of names, so that two
-   that block each other do not do the same at the same time.
+2. A robot that stands too long prefers the other side for a while, then backs off; from a queue at once, unless it is
+   its turn, and before a gate also to where there is less room. How long is too long depends on its place in the order
+   of names, so that two that block each other do not do the same at the same time.
 3. One that cannot go on turns to and fro where it stands: so the others see that it waits and is not parked.
 4. One that is parked where it wants to be makes room for one that waits or comes.
 """
@@ -32,7 +32,7 @@ _RANKS: Final = 10
 names [s]; after so many robots it begins anew."""
 _QUEUES_FOR: Final = 3.0
 """How long it waits in a queue instead [s]."""
-_AT_ONCE: Final = 0.5
+_STILL_QUEUES: Final = 0.5
 """One that has waited in a queue until so recently does so still [s]: whose turn it is may change to and fro."""
 _TRIES_FOR: Final = 2.5
 """How long it tries that [s]."""
@@ -145,7 +145,7 @@ class Patience:
         self.side = -1.0
         """The side to turn to: -1 clockwise."""
         self.retreating = False
-        """Whether the robot backs off now."""
+        """Whether it has lost patience and backs off, unless :meth:`backs_off` says otherwise."""
 
     def look(self, now: float, state: State, wants: bool, queues: bool) -> float:
         """Notice whether the robot gets on.
@@ -162,7 +162,7 @@ class Patience:
         here = state.x, state.y
         if queues:
             self._waited_at = now
-        queues = now - self._waited_at <= _AT_ONCE or (self.retreating and self._queued)
+        queues = now - self._waited_at <= _STILL_QUEUES or (self.retreating and self._queued)
         if not wants:
             self._tries = 0
         if not wants or self._anchor is None or math.dist(here, self._anchor) > _MOVED:
@@ -180,13 +180,13 @@ class Patience:
                     self._queued = queues
         return now - self._since
 
-    def backs_off(self, has_turn: bool) -> bool:
-        """Whether the robot backs off now; from a queue not while it is its turn.
+    def backs_off(self, queues: bool) -> bool:
+        """Whether the robot backs off now; one that lost patience in a queue only while it has to wait there.
 
         Args:
-            has_turn: whether it is its turn at the gate in its way.
+            queues: whether there is a gate in its way, and it is not its turn.
         """
-        return self.retreating and not (has_turn and self._queued)
+        return self.retreating and (queues or not self._queued)
 
 
 def roomiest(
