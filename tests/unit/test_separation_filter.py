@@ -180,7 +180,7 @@ def test_who_has_come_through_a_doorway_does_not_go_on_backing_off() -> None:
         snapshot = Snapshot((row("r1", x, 0.0), other), 0.05 * k, 1, 0.0)
         log.append(made.step(0.05 * k, State(x, 0.0, 0.0, 0.0, 0.0), wish, snapshot, (1.5, 0.0)))
     assert log[89] != (wish, ""), "it backs off"
-    assert log[-1] == (wish, ""), "it would do so for another half a second"
+    assert log[-1].twist == pytest.approx(wish, abs=0.01), "it would do so for another half a second"
 
 
 def test_who_is_shut_in_elsewhere_stays_where_it_has_most_room() -> None:
