@@ -79,8 +79,10 @@ def test_a_robot_without_a_place_to_drive_to_waits_at_no_gate() -> None:
     assert not route.waits
     route.toward(0.1, (-0.8, 0.0), (0.4, 0.0), (1.2, 0.0), [], 0.0, True, MY_TURN)
     assert route.passes
+    assert route.at_gate
     route.leave()
     assert not route.passes
+    assert not route.at_gate
 
 
 def test_the_way_to_an_earlier_place_is_not_followed() -> None:
@@ -200,6 +202,8 @@ def test_each_robot_more_on_a_side_counts_like_a_second(clock: float, mine: floa
     many = [(-0.9, 0.0), (0.6, 0.5), *((1.5, 0.1 * k) for k in range(12))]
     waits = [Wait(-0.9, 0.0, 15.0), Wait(0.6, 0.5, 6.5)]
     assert place_to_wait(gate, -0.9, 0.0, [other], clock, waits, many) is None, "8 s at most"
+    one = near(-0.9, 0.0, omega=FIDGET)
+    assert place_to_wait(gate, 0.6, 0.5, [one], clock, waits, many) is not None, "the others see it likewise"
 
 
 def test_who_does_not_go_for_long_keeps_nobody_waiting() -> None:
