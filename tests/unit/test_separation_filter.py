@@ -202,7 +202,7 @@ def test_the_robots_on_each_side_of_a_doorway_count(x: float) -> None:
     at, other = State(-0.7, 0.0, 0.0, 0.0, 0.0), row("r2", 0.7, 0.0, math.pi)._replace(omega=0.4)
     goes = []
     for k in range(80):
-        snapshot = Snapshot((row("r1", at.x, at.y), other, row("r3", x, -1.2)), 0.05 * k, 1, 0.0)
+        snapshot = Snapshot((row("r1", at.x, at.y), other, row("r3", x, -1.2)._replace(omega=0.4)), 0.05 * k, 1, 0.0)
         goes.append(made.step(0.05 * k, at, Twist2(0.1, 0.0), snapshot, (1.5, 0.0)).twist.v > 0.05)
     assert all(goes[40:70]) is (x < 0.0)
     assert any(goes[40:70]) is (x < 0.0)

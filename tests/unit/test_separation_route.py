@@ -194,16 +194,17 @@ def test_it_is_the_turn_of_the_side_on_which_a_robot_has_waited_longest(
 @pytest.mark.parametrize("clock", [MY_TURN, THEIR_TURN])
 @pytest.mark.parametrize(("mine", "theirs", "goes"), [(5.0, 3.5, False), (5.0, 2.5, True)])
 def test_each_robot_more_on_a_side_counts_like_a_second(clock: float, mine: float, theirs: float, goes: bool) -> None:
+    """Those that are parked do not."""
     (gate,) = gates_between(DOOR, ARENA, KEEP)
     other = near(0.6, 0.5, omega=FIDGET, theta=math.pi)
     waits = [Wait(-0.9, 0.0, mine), Wait(0.6, 0.5, theirs)]
-    robots = [(-0.9, 0.0), (0.6, 0.5), (1.5, 1.0), (1.9, -1.0)]
-    assert (place_to_wait(gate, -0.9, 0.0, [other], clock, waits, robots) is None) is goes
-    many = [(-0.9, 0.0), (0.6, 0.5), *((1.5, 0.1 * k) for k in range(12))]
+    fleet = [other, near(1.5, 1.0, vx=0.4), near(1.9, -1.0, omega=FIDGET), near(1.5, -0.5), near(-1.5, -0.5)]
+    assert (place_to_wait(gate, -0.9, 0.0, [other], clock, waits, fleet) is None) is goes
     waits = [Wait(-0.9, 0.0, 15.0), Wait(0.6, 0.5, 6.5)]
-    assert place_to_wait(gate, -0.9, 0.0, [other], clock, waits, many) is None, "8 s at most"
+    many = [near(1.5, 0.1 * k, vx=0.4) for k in range(12)]
+    assert place_to_wait(gate, -0.9, 0.0, [other], clock, waits, [other, *many]) is None, "8 s at most"
     one = near(-0.9, 0.0, omega=FIDGET)
-    assert place_to_wait(gate, 0.6, 0.5, [one], clock, waits, many) is not None, "the others see it likewise"
+    assert place_to_wait(gate, 0.6, 0.5, [one], clock, waits, [one, *many]) is not None, "the others see it likewise"
 
 
 def test_who_does_not_go_for_long_keeps_nobody_waiting() -> None:
@@ -220,7 +221,7 @@ def test_the_clock_decides_while_nobody_has_waited_or_both_sides_have_equally(se
     (gate,) = gates_between(DOOR, ARENA, KEEP)
     other = near(0.6, 0.0, omega=FIDGET, theta=math.pi)
     waits = [Wait(-0.9, 0.0, 0.9), Wait(-0.9, 0.0, seconds), Wait(0.6, 0.0, seconds)]
-    places = [place_to_wait(gate, -0.9, 0.0, [other], clock, waits) for clock in (MY_TURN, THEIR_TURN)]
+    places = [place_to_wait(gate, -0.9, 0.0, [other], clock, waits, [other]) for clock in (MY_TURN, THEIR_TURN)]
     assert places[0] is None
     assert places[1] is not None
 

@@ -189,8 +189,8 @@ class Separation:
         velocity = desired
         if target is not None:
             gives_way = not patience.retreating
-            robots = [(x, y), *self._known.positions]
-            velocity = self._route.toward(now, (x, y), desired, target, near, stood, gives_way, clock, robots)
+            fleet = self._known.near(now, x, y, math.inf) if self._route.gates else ()
+            velocity = self._route.toward(now, (x, y), desired, target, near, stood, gives_way, clock, fleet)
         else:
             self._route.leave()
         backs_off = patience.backs_off(self._route.at_gate and not self._route.passes)

@@ -1,10 +1,10 @@
 """Right of way where two robots cannot pass: it is the turn of the side on which a robot has waited longest.
 
-How long the others have waited each robot knows from what it has seen itself. Each robot more on one side counts like a
-second: where one side has passed as a whole, it is shut in by those who still wait on the other. While nobody has
-waited, the sides take turns by the clock that all share. A side whose turn it is goes, one robot after another, and so
-does the other while nobody comes from that side. Who is inside goes on. Those who wait line up beside the gate, on
-their right, and leave its middle to those who come out.
+How long the others have waited each robot knows from what it has seen itself. Each robot more that drives or waits on
+one side counts like a second: a side that has passed as a whole is shut in by those who still wait on the other. While
+nobody has waited, the sides take turns by the clock that all share. A side whose turn it is goes, one robot after
+another, and so does the other while nobody comes from that side. Who is inside goes on. Those who wait line up beside
+the gate, on their right, and leave its middle to those who come out.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _WAITED: Final = 1.0
 _PATIENT: Final = 16.0
 """One that has waited for this time has had its turn and did not go: its side has no turn because of it [s]."""
 _EACH: Final = 1.0
-"""So much longer a side has waited for each robot that it has more than the other [s] ..."""
+"""So much longer a side counts as having waited for each robot that it has more than the other [s] ..."""
 _AT_MOST: Final = 8.0
-"""... and so much for all of them [s]: a few robots get through among many who stay."""
+"""... and so much for all of them [s]: a few robots get through among many."""
 _PLACE: Final = 0.3
 """A robot that has come further than this from where it began to wait has got on [m]."""
 _PAUSE: Final = 1.0
@@ -145,7 +145,7 @@ class Waits:
         return [Wait(stay.x, stay.y, now - stay.since) for stay in self._stays.values()]
 
 
-def _has_turn(gate: Gate, sign: float, waits: Sequence[Wait], robots: Sequence[Point], clock: float) -> bool:
+def _has_turn(gate: Gate, sign: float, waits: Sequence[Wait], drive: Sequence[Point], clock: float) -> bool:
     """Whether it is the turn of one side of a gate, the one toward which its direction points for a ``sign`` of +1."""
     longest = {True: 0.0, False: 0.0}
     for wait in waits:
@@ -153,7 +153,7 @@ def _has_turn(gate: Gate, sign: float, waits: Sequence[Wait], robots: Sequence[P
         if math.hypot(dx, dy) < _ZONE and wait.seconds < _PATIENT:
             mine = sign * (dx * gate.nx + dy * gate.ny) > 0.0
             longest[mine] = max(longest[mine], wait.seconds)
-    more = sum(math.copysign(_EACH, sign * ((x - gate.x) * gate.nx + (y - gate.y) * gate.ny)) for x, y in robots)
+    more = sum(math.copysign(_EACH, sign * ((x - gate.x) * gate.nx + (y - gate.y) * gate.ny)) for x, y in drive)
     ahead = longest[True] - longest[False] + min(max(more, -_AT_MOST), _AT_MOST)
     if max(longest.values()) < _WAITED or ahead == 0.0:
         return (math.fmod(clock, 2.0 * _TURN) < _TURN) == (sign > 0.0)
@@ -167,7 +167,7 @@ def place_to_wait(
     near: Sequence[Near],
     clock: float,
     waits: Sequence[Wait] = (),
-    robots: Sequence[Point] = (),
+    fleet: Sequence[Near] = (),
 ) -> Point | None:
     """Where a robot waits that has to let others through first; None when it may go.
 
@@ -178,12 +178,13 @@ def place_to_wait(
         near: the neighbours.
         clock: the time that all robots share [s].
         waits: the robots that wait, itself among them.
-        robots: where all robots are, itself among them [m, world].
+        fleet: all other robots, however far.
     """
     sign = 1.0 if (x - gate.x) * gate.nx + (y - gate.y) * gate.ny >= 0.0 else -1.0
     nx, ny = sign * gate.nx, sign * gate.ny
     mine = math.hypot(x - gate.x, y - gate.y)
-    goes = mine < gate.half + _INSIDE or _has_turn(gate, sign, waits, robots, clock)
+    drive = [(x, y), *((other.x, other.y) for other in fleet if _takes_part(other))]
+    goes = mine < gate.half + _INSIDE or _has_turn(gate, sign, waits, drive, clock)
     before, lets_through = 0, False
     for other in near:
         if not _takes_part(other):

@@ -290,11 +290,6 @@ class Knowledge:
         lines[name] = line
         return line
 
-    @property
-    def positions(self) -> list[Point]:
-        """Where the others are in the newest snapshot [m, world]."""
-        return [(row.x, row.y) for row, _, _ in self._seen]
-
     def near(self, now: float, x: float, y: float, within: float) -> list[Near]:
         """The neighbours and walls near a position, moved on to now; the nearest first.
 

@@ -71,7 +71,7 @@ class Route:
         stood: float,
         gives_way: bool,
         clock: float,
-        robots: Sequence[Point] = (),
+        fleet: Sequence[Near] = (),
     ) -> Point:
         """The preferred velocity on the way to a place.
 
@@ -84,7 +84,7 @@ class Route:
             stood: for how long the robot has stood [s].
             gives_way: whether it goes to its place in the queue when it has to let others through a gate first.
             clock: the time that all robots share [s].
-            robots: where all robots are, itself among them [m, world].
+            fleet: all other robots, however far.
 
         Returns:
             The velocity [m/s], no faster than the desired one.
@@ -110,7 +110,7 @@ class Route:
         self._gate = gate_ahead(self.gates, [here, *self._plan[1:]]) if self.gates else None
         waits = self._waits.look(now, here, near) if self.gates else ()
         if self._gate is not None:
-            place = place_to_wait(self._gate, *here, near, clock, waits, robots)
+            place = place_to_wait(self._gate, *here, near, clock, waits, fleet)
             self.passes = place is None
             if place is not None and gives_way:
                 self.waits = True
