@@ -5,7 +5,7 @@ __version__ = "0.1.0"
 
 def is_compiled() -> bool:
     """Whether any module runs compiled, as ``make compiled`` installs them, and not from its source."""
-    from importlib.machinery import EXTENSION_SUFFIXES  # here, for no process waits for this at its start
+    from importlib.machinery import EXTENSION_SUFFIXES  # not with the package, which every agent imports
     from pathlib import Path
 
     home, packages = Path(__file__).parents[1], ("muro_zenoh", "agents", "basestation")
