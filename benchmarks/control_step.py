@@ -40,7 +40,6 @@ import numpy as np
 
 from benchmarks.support.crowd import swap
 from benchmarks.support.rows import write
-from muro_zenoh import is_compiled
 from muro_zenoh.config import Checks, Scenario, find_scenario
 from muro_zenoh.config.sections import ARENA
 from muro_zenoh.config.writing import as_toml
@@ -122,7 +121,7 @@ def row_of(case: str, robots: int, steps: list[dict[str, Any]], load: float) -> 
         steps: of all agents.
         load: of the machine before (mean of a minute).
     """
-    row: dict[str, Any] = {"case": case, "robots": robots, "steps": len(steps), "compiled": is_compiled()}
+    row: dict[str, Any] = {"case": case, "robots": robots, "steps": len(steps), "compiled": steps[0]["compiled"]}
     row["changed_percent"] = round(100.0 * sum(step["changed"] for step in steps) / len(steps), 1)
     for key in ("cpu", "wall", "latency"):
         times = 1e3 * np.array([step[key] for step in steps])

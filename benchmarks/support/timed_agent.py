@@ -40,6 +40,9 @@ METHODS: tuple[tuple[type, str, str], ...] = (
 other calls another."""
 
 
+COMPILED = is_compiled()
+
+
 class Step(NamedTuple):
     """One step that took a fix, from the loop's resuming the control task to the task's waiting for the next fix.
 
@@ -49,6 +52,7 @@ class Step(NamedTuple):
         latency: from the arrival of the fix in Zenoh's thread to the command's having been handed to Zenoh [s].
         drives: whether nothing held the robot.
         changed: whether the separation filter changed the command.
+        compiled: whether the agent runs compiled.
         parts: processor time by part, which add up to ``cpu`` [s]; none of a compiled build.
     """
 
@@ -57,6 +61,7 @@ class Step(NamedTuple):
     latency: float
     drives: bool
     changed: bool
+    compiled: bool
     parts: dict[str, float]
 
 
@@ -107,7 +112,7 @@ class TimedControl(Coroutine[Any, Any, None]):
         cpu, wall = time.thread_time() - cpu, time.perf_counter() - wall
         if len(latencies) > known:
             changed = drive.changes.total() > changes
-            _steps.append(Step(cpu, wall, latencies[-1], not self._loop.reasons, changed, parts_of(cpu)))
+            _steps.append(Step(cpu, wall, latencies[-1], not self._loop.reasons, changed, COMPILED, parts_of(cpu)))
         return awaited
 
 
@@ -117,7 +122,7 @@ def parts_of(cpu: float) -> dict[str, float]:
     Args:
         cpu: its processor time [s].
     """
-    if is_compiled():
+    if COMPILED:
         return {}
     snapshot, estimate, separation, send = (_parts[part] for part in ("snapshot", "estimate", "separation", "send"))
     return {
@@ -152,7 +157,7 @@ def note(owner: type, method: str, part: str) -> None:
 
 if __name__ == "__main__":
     file, name, notes = sys.argv[1:]
-    for each in METHODS if not is_compiled() else ():
+    for each in METHODS if not COMPILED else ():
         note(*each)
     agent.control = TimedControl  # type: ignore[attr-defined]
     try:

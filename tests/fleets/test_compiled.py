@@ -7,58 +7,32 @@ import os
 import shutil
 import subprocess
 import sys
-import sysconfig
 import tarfile
-import zipfile
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from muro_zenoh import is_compiled
-from muro_zenoh.checking.check import quiet
-from muro_zenoh.checking.random_trial import random_trial
-from muro_zenoh.checking.trial import run_trial
+from tests.support.c_compiler import lack
 from tests.support.waiting import seconds
+from tests.support.wheels import ROOT, build, compiled_in, to_compile, unpacked_wheel
 
-ROOT = Path(__file__).parents[2]
-SEEDS = (3,)
+WITHOUT_PAGE = {"MURO_WITHOUT_PAGE": "1"}
 
-# In a process of its own, whose path has the wheel's files and not the checkout.
+# A random trial; and the doorway, since random trials have no walls.
 TRIALS = """
-import json, sys
+import json
 from muro_zenoh import is_compiled
 from muro_zenoh.checking.check import quiet
 from muro_zenoh.checking.random_trial import random_trial
 from muro_zenoh.checking.trial import run_trial
+from muro_zenoh.config import find_scenario
 with quiet():
-    digests = [run_trial(random_trial(seed), seed)[1].digest for seed in map(int, sys.argv[1:])]
-files = [module.__file__ for name, module in sys.modules.items() if name.startswith(("muro_zenoh.", "agents."))]
-print(json.dumps({"compiled": is_compiled(), "digests": digests, "files": files}))
+    trials = [random_trial(3), find_scenario("doorway", overrides={"duration": 6.0})]
+    digests = [run_trial(trial, 3)[1].digest for trial in trials]
+print(json.dumps({"compiled": is_compiled(), "digests": digests}))
 """
-
-
-def build(root: Path, into: Path, target: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    """Build a distribution with hatchling."""
-    command = [sys.executable, "-P", "-m", "hatchling", "build", "--target", target, "--directory", str(into)]
-    environment = {**os.environ, "MURO_WITHOUT_PAGE": "1", **variables}
-    return subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, timeout=seconds(120))
-
-
-def unpacked_wheel(root: Path, into: Path, **variables: str) -> Path:
-    """The folder with the files of a wheel that was built from a folder."""
-    built = build(root, into, "wheel", **variables)
-    assert built.returncode == 0, built.stderr + built.stdout
-    (wheel,) = into.glob("*.whl")
-    with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(into / "files")
-    return into / "files"
-
-
-def compiled_files(folder: Path) -> set[str]:
-    """The compiled modules in a folder, as paths of their sources."""
-    found = (path.relative_to(folder) for path in folder.rglob("*") if path.name.endswith(tuple(EXTENSION_SUFFIXES)))
-    return {str(path.with_name(path.name.split(".")[0] + ".py")) for path in found}
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +40,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An unpacked source distribution of the checkout."""
     pytest.importorskip("hatchling", reason="no hatchling, which builds distributions: make setup")
     folder = tmp_path_factory.mktemp("sdist")
-    built = build(ROOT, folder, "sdist")
+    built = build(ROOT, folder, "sdist", **WITHOUT_PAGE)
     assert built.returncode == 0, built.stderr
     (archive,) = folder.glob("*.tar.gz")
     with tarfile.open(archive) as tar:
@@ -80,7 +54,7 @@ def test_a_wheel_is_compiled_on_demand_only(sources: Path, tmp_path: Path) -> No
     left = sources / "muro_zenoh" / f"geometry{EXTENSION_SUFFIXES[0]}"
     left.touch()
     try:
-        assert compiled_files(unpacked_wheel(sources, tmp_path)) == set()
+        assert compiled_in(unpacked_wheel(sources, tmp_path, **WITHOUT_PAGE)) == set()
     finally:
         left.unlink()
 
@@ -91,11 +65,11 @@ def test_nothing_is_compiled_in_a_checkout(sources: Path, tmp_path: Path, variab
     pytest.importorskip("hatch_mypyc", reason="no hatch-mypyc, which compiles: make setup")
     checkout = tmp_path / "checkout"
     shutil.copytree(sources, checkout, ignore=shutil.ignore_patterns("tests", "docs", "PKG-INFO"))
-    refused = build(checkout, tmp_path, "wheel", **{variable: "1"})
+    refused = build(checkout, tmp_path, **{variable: "1"})
     assert refused.returncode != 0
     assert "`make compiled`" in refused.stderr
     assert (checkout / "pyproject.toml").is_file()
-    assert compiled_files(checkout) == set()
+    assert compiled_in(checkout) == set()
 
 
 def test_an_editable_install_is_never_compiled(sources: Path, tmp_path: Path) -> None:
@@ -113,34 +87,31 @@ def test_an_editable_install_is_never_compiled(sources: Path, tmp_path: Path) ->
     )
     assert refused.returncode != 0
     assert "got an editable install" in refused.stderr
-    assert compiled_files(sources) == set()
+    assert compiled_in(sources) == set()
 
 
 @pytest.mark.slow
 def test_compiled_trials_are_those_of_the_source_to_the_last_bit(sources: Path, tmp_path: Path) -> None:
     pytest.importorskip("hatch_mypyc", reason="no hatch-mypyc, which compiles: make setup")
-    if shutil.which(os.environ.get("CC", "cc")) is None:
-        pytest.skip("no C compiler; on Debian: apt-get install build-essential")
-    if not Path(sysconfig.get_path("include"), "Python.h").exists():
-        pytest.skip("no Python.h; on Debian: apt-get install python3-dev")
-    assert not is_compiled()
+    if lack():
+        pytest.skip(lack())
     root = tmp_path / "root"
     shutil.copytree(sources, root, ignore=shutil.ignore_patterns("tests", "docs"))
     # Optimising takes the compiler a minute. What it may do to results is the subject of `make compiled`.
     settings = root / "pyproject.toml"
     settings.write_text(settings.read_text(encoding="utf-8").replace('opt_level = "2"', 'opt_level = "0"'), "utf-8")
-    files = unpacked_wheel(root, tmp_path, HATCH_BUILD_HOOKS_ENABLE="1")
+    files = unpacked_wheel(root, tmp_path, HATCH_BUILD_HOOKS_ENABLE="1", **WITHOUT_PAGE)
+    assert compiled_in(files) == to_compile()
+    source, compiled = trials(ROOT, tmp_path), trials(files, tmp_path)
+    assert (source["compiled"], compiled["compiled"]) == (False, True)
+    assert source["digests"] == compiled["digests"]
 
-    environment = {**os.environ, "PYTHONPATH": str(files)}
-    command = [sys.executable, "-P", "-c", TRIALS, *map(str, SEEDS)]
+
+def trials(path: Path, folder: Path) -> dict[str, Any]:
+    """What comes of the trials, in a process whose path has no other packages of ours."""
+    command, environment = [sys.executable, "-P", "-c", TRIALS], {**os.environ, "PYTHONPATH": str(path)}
     ran = subprocess.run(
-        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=seconds(60), check=True
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=seconds(60), check=True
     )
-    got = json.loads(ran.stdout)
-    imported = {str(Path(file).relative_to(files)) for file in got["files"]}
-    suffix = EXTENSION_SUFFIXES[0]
-    compiled = {name for name in imported if name.endswith(suffix)}
-    assert {f"muro_zenoh/safety/separation/filter{suffix}", f"agents/control_loop{suffix}"} <= compiled
-    assert got["compiled"]
-    with quiet():
-        assert got["digests"] == [run_trial(random_trial(seed), seed)[1].digest for seed in SEEDS]
+    got: dict[str, Any] = json.loads(ran.stdout)
+    return got

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import subprocess
-import sys
-import zipfile
 from pathlib import Path, PurePosixPath
 
 import pytest
 
 from tests.support.browser import STATIC
-
-ROOT = Path(__file__).parents[2]
+from tests.support.wheels import ROOT, build, unpacked_wheel
 
 PAGE = PurePosixPath(STATIC.relative_to(ROOT))
 
@@ -25,12 +20,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     pytest.importorskip("hatchling", reason="no hatchling, which builds wheels: make setup")
     if not (STATIC / "vendor" / "msgpack.min.js").exists():
         pytest.skip("the page's libraries are not installed: make setup")
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=60)
-    (built,) = folder.glob("*.whl")
-    with zipfile.ZipFile(built) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
+    files = unpacked_wheel(ROOT, tmp_path_factory.mktemp("wheel"))
+    return {str(path.relative_to(files)): path.read_bytes() for path in files.rglob("*") if path.is_file()}
 
 
 def test_a_wheel_has_all_that_the_page_loads(wheel: dict[str, bytes]) -> None:
@@ -61,17 +52,11 @@ def test_no_wheel_is_built_without_what_the_page_loads(tmp_path: Path) -> None:
         (tmp_path / package / "__init__.py").touch()
     (tmp_path / PAGE).mkdir(parents=True)
     shutil.copy(STATIC / "index.html", tmp_path / PAGE)
-    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel"]
-
-    def build(**environment: str) -> subprocess.CompletedProcess[str]:
-        variables = {**os.environ, **environment}
-        return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=60)
-
-    refused = build()
+    refused = build(tmp_path, tmp_path)
     assert refused.returncode != 0
     assert "run `make setup` first" in refused.stderr
     assert "vendor/msgpack.min.js" in refused.stderr
-    assert build(MURO_WITHOUT_PAGE="1").returncode == 0
+    assert build(tmp_path, tmp_path, MURO_WITHOUT_PAGE="1").returncode == 0
 
 
 def test_a_wheel_has_the_licences_of_the_libraries_in_it(wheel: dict[str, bytes]) -> None:
