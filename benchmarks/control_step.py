@@ -2,6 +2,7 @@
 
     python benchmarks/control_step.py [--cases pursuit swap doorway] [--robots 10] [--seconds 30] [--json FILE]
     chrt --fifo 1 python benchmarks/control_step.py --cases swap    on a busy machine: nobody else runs within a step
+    python benchmarks/control_step.py --alone      one agent has a core to itself, as on a robot's own laptop
 
 Every case is the real thing: a router, a simulator, a base station, one agent per robot and `muro run`, each a process,
 cameras at 20 Hz. ``pursuit``: the built-in scenario on a circle of 1.1 m. ``swap``: robots on a circle change places
@@ -14,7 +15,8 @@ which a robot is held are left out; those in which the filter lets it stand are 
 the filter changed the command [%]. ``cpu``: processor time of the thread that runs the loop. ``wall``: on the clock, so
 it includes the times at which Zenoh's threads or other processes run instead. ``fix``: from the arrival of the fix in
 Zenoh's thread until the command was handed over, so it includes the wait for the loop; the fixes of all robots come at
-once, and wait for each other where there are fewer cores. All in milliseconds.
+once, and wait for each other where there are fewer cores. All in milliseconds. With ``--alone`` all else runs on the
+other cores, and only the steps of that one agent count.
 
 The second table has the parts of a step, in percent of its processor time, over all steps and over the slowest 1 %.
 ``fix, odometry``: decoding these, and asyncio. ``snapshot``: decoding the positions of all robots. ``law``: the
@@ -80,33 +82,49 @@ def scenario_of(case: str, robots: int) -> Scenario:
     return msgspec.structs.replace(scenario, checks=Checks())
 
 
-def measure(case: str, robots: int, seconds: float, folder: Path) -> list[dict[str, Any]]:
-    """Run a fleet, and return the steps of all its agents.
+def measure(case: str, robots: int, seconds: float, folder: Path, alone: bool) -> list[dict[str, Any]]:
+    """Run a fleet, and return the steps of its agents.
 
     Args:
         case: of :data:`CASES`.
         robots: how many.
         seconds: for how long, once all processes are ready [s].
         folder: where the run may write.
+        alone: whether the first one has a core to itself, and counts alone.
 
     Raises:
         RuntimeError: the run broke off.
     """
+    cores = os.sched_getaffinity(0)
+    own = {max(cores)} if alone else cores
+    try:
+        return _measure(case, robots, seconds, folder, own, cores - own or cores)
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def _measure(
+    case: str, robots: int, seconds: float, folder: Path, own: set[int], others: set[int]
+) -> list[dict[str, Any]]:
     scenario = scenario_of(case, robots)
     file = folder / f"{case}.toml"
     notes = {name: folder / f"{case}-{name}.json" for name in scenario.robots}
+    os.sched_setaffinity(0, others)
     with router() as there:
         file.write_text(as_toml(connected_to(scenario, there.endpoint)))
         with ExitStack() as agents:
             for name, noted in notes.items():
+                os.sched_setaffinity(0, own if name == scenario.robots[0] else others)  # a child inherits it
                 timed = Process([str(TIMED_AGENT), str(file), name, str(noted)], name=name)
                 agents.enter_context(timed).ready()
+            os.sched_setaffinity(0, others)
             command = [sys.executable, "-P", "-m", "muro_zenoh", "run", str(file), "--connect", there.endpoint]
             command += ["--duration", str(seconds), "--seed", str(SEED), "--headless", "--no-web"]
             run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise RuntimeError(f"{' '.join(command)}: exit code {run.returncode}\n{run.stdout}\n{run.stderr}")
-    steps = [step for noted in notes.values() for step in json.loads(noted.read_text()) if step["drives"]]
+    counted = list(notes.values()) if own == others else [notes[scenario.robots[0]]]
+    steps = [step for noted in counted for step in json.loads(noted.read_text()) if step["drives"]]
     if not steps:
         raise RuntimeError(f"{case}: no robot drove in {seconds:g} s\n{run.stdout}")
     return steps
@@ -160,16 +178,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES, help="which (all)")
     parser.add_argument("--robots", type=int, default=10, help="how many; a doorway has six (10)")
+    parser.add_argument("--alone", action="store_true", help="one agent has a core to itself, and counts alone")
     parser.add_argument("--seconds", type=float, default=30.0, help="how long each runs, once ready (30)")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     given = parser.parse_args()
+    if given.alone and len(os.sched_getaffinity(0)) < 2:
+        parser.error("--alone: got one core, expected at least two")
     rows = []
     print("".join(f"{title:>10}" for title, _, _ in COLUMNS), flush=True)
     with tempfile.TemporaryDirectory(prefix="muro-control-step-") as folder:
         for case in given.cases:
             load = os.getloadavg()[0]
-            steps = measure(case, given.robots, given.seconds, Path(folder))
-            rows.append(row_of(case, len(scenario_of(case, given.robots).robots), steps, load))
+            steps = measure(case, given.robots, given.seconds, Path(folder), given.alone)
+            row = row_of(case, len(scenario_of(case, given.robots).robots), steps, load)
+            rows.append(row | {"alone": given.alone})
             print("".join(f"{rows[-1][key]:>10{form}}" for _, key, form in COLUMNS), flush=True)
     parts = rows[0]["parts_percent"]
     if parts:
