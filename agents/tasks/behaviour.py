@@ -52,6 +52,7 @@ class BehaviourRunner:
         outcome: ``failed`` or ``ended`` once it has done so by itself; empty while it runs.
         failure: the reason of the outcome, in one line; empty while it runs.
         revision: of the newest order that was obeyed: the running behaviour's, or of one that asks for the same again.
+        begun: the first behaviour was ordered.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class BehaviourRunner:
         self.outcome = ""
         self.failure = ""
         self.revision = 0
+        self.begun = asyncio.Event()
         self._vehicle = vehicle
         self._settings = settings
         self._loop = loop
@@ -124,6 +126,7 @@ class BehaviourRunner:
             self._hold("the behaviour is changing")
             await self._end()
             self._start(order)
+            self.begun.set()
 
     def _start(self, order: BehaviourOrder) -> None:
         self.name, self.outcome, self.failure, self.revision = order.behaviour, "", "", order.revision

@@ -14,8 +14,8 @@ from muro_zenoh.messages import Goal, Reply
 from muro_zenoh.planning.destination import Destination
 from muro_zenoh.transport import Bus
 
-_FIRST_POSE_TIMEOUT = 0.7
-"""How long a goal waits for the robot's first pose [s]."""
+_START_TIMEOUT = 0.7
+"""How long a goal waits for the robot's first pose and its first behaviour [s]: its agent may have just started."""
 
 
 async def obey_stops(bus: Bus, loop: ControlLoop, sender: Sender, signals: Signals) -> None:
@@ -45,13 +45,14 @@ def answer_goals(
         loop: the control loop, which has the current observations.
         runner: passes the goals to the behaviour.
         master: whose orders count.
-        signals: for the first pose, because an agent may have just started.
+        signals: for the first pose.
     """
 
     async def answer(goal: Goal) -> Reply:
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_FIRST_POSE_TIMEOUT):
+            async with asyncio.timeout(_START_TIMEOUT):
                 await signals.located.wait()
+                await runner.begun.wait()
         seen = loop.seen
         if seen is None:
             return Reply(accepted=False, reason=f"{name} has no pose yet, so it cannot plan")

@@ -78,8 +78,9 @@ async def test_a_goal_that_becomes_the_current_one_again_changes_nothing() -> No
         operator = await fleet.bus()
         paths = operator.every(channels.PATH, "r1")
         await fleet.until(lambda: fleet.holds("r1", "no goal"), 3, "it waits for a goal")
-        goal = Goal(x=0.8, y=0.5, theta=1.0)
+        goal, began = Goal(x=0.8, y=0.5, theta=1.0), asyncio.get_running_loop().time()
         assert (await order(operator, goal)).accepted
+        assert asyncio.get_running_loop().time() - began < 0.3, "it waits for nothing that is there already"
         await asyncio.sleep(1.0)
         assert (await order(operator, goal)).accepted
         await asyncio.sleep(1.0)

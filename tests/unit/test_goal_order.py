@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from agents.tasks.control import Signals
+from agents.tasks.orders import answer_goals
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
 from muro_zenoh.errors import NoReply
@@ -71,3 +75,17 @@ def test_a_robot_that_does_not_answer_is_said_with_what_it_runs() -> None:
 def test_a_robot_that_says_nothing_at_all_is_said_to() -> None:
     with pytest.raises(NoReply, match="r1 is alive, has no behaviour yet"):
         ordering(lambda bus: bus.announce(Role.AGENT, "r1"))
+
+
+def test_a_goal_waits_for_the_first_pose_and_the_first_behaviour_of_an_agent_that_has_just_started() -> None:
+    def serve(bus: Bus) -> None:
+        bus.announce(Role.AGENT, "r1")
+        runner, signals = SimpleNamespace(begun=asyncio.Event()), Signals()
+        runner.go_to = lambda goal, seen: "" if runner.begun.is_set() else "no behaviour yet"
+        loop = SimpleNamespace(seen="a pose", latch=SimpleNamespace(reason=""))
+        master = SimpleNamespace(refusal=lambda goal: "")
+        answer_goals(bus, "r1", loop, runner, master, signals)  # type: ignore[arg-type]
+        asyncio.get_running_loop().call_later(0.2, signals.located.set)
+        asyncio.get_running_loop().call_later(0.4, runner.begun.set)
+
+    assert ordering(serve).accepted
