@@ -16,7 +16,7 @@ from muro_zenoh.checking.coverage import Cell, cell_of
 from muro_zenoh.checking.judgement import Breach, Judgement
 from muro_zenoh.checking.operator import Operator
 from muro_zenoh.checking.promises import judge
-from muro_zenoh.checking.record import Record, make_record
+from muro_zenoh.checking.record import PERIOD, Record, make_record
 from muro_zenoh.checking.run import run_fleet
 from muro_zenoh.config import Scenario
 
@@ -94,7 +94,7 @@ def result_of(record: Record, cpu: float) -> Result:
     driving = float(np.any(record.command != 0.0, axis=2).mean())
     return Result(
         seed=record.seed,
-        duration=float(record.time[-1]),
+        duration=round(len(record.time) * PERIOD, 2),
         cpu=cpu,
         driving=driving,
         lacks=_lack(record, driving),

@@ -72,7 +72,7 @@ def _seed(context: click.Context, option: click.Parameter, text: str | None) -> 
     "--duration",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="Virtual duration of a trial [s].  [default: 32, or 10 with --quick]",
+    help="Virtual duration of a trial [s].  [default: 30, or 10 with --quick]",
 )
 @click.option(
     "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Override a setting of the scenario; repeatable."

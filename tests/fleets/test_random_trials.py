@@ -34,5 +34,6 @@ def test_with_the_filter_off_a_random_trial_collides(caplog: pytest.LogCaptureFi
     scenario = random_trial(1)
     off = dataclasses.replace(scenario.separation, enabled=False)
     _, result = run_trial(msgspec.structs.replace(scenario, separation=off, duration=3.0), 1)
+    assert result.duration == 3.0
     assert result.contacts["ours"]
     assert any(breach.promise == "no contact" for breach in result.breaches)
