@@ -42,7 +42,7 @@ async def test_a_click_on_the_floor_drives_a_robot_there(operator: Visit, run: P
     await page.locator("#notices button", has_text="Run dubins on r1").click()
     await page.locator("#notices .taken", has_text="r1 to").wait_for()
     away = lambda: math.hypot(run.truth("r1").x - x, run.truth("r1").y - y)  # noqa: E731
-    await run.time_until(lambda: away() < 0.1, 30.0, "r1 at its goal")
+    await run.time_until(lambda: away() < 0.1, 30.0, f"r1 at its goal ({x:.2f}, {y:.2f})")
     # A drag says the heading.
     await page.mouse.move(*await operator.pixel("screenAt(-1.3, -0.9)"))
     await page.mouse.down()

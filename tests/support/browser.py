@@ -195,6 +195,7 @@ class PagedRun:
         self.bus = bus
         self._truth = bus.latest(channels.TRUTH, "*")
         self._truths = bus.every(channels.TRUTH, "*", depth=1024)
+        self._health = bus.latest(channels.HEALTH, "*")
         self._resting: dict[str, float] = {}
         self._snapshots = bus.every(channels.ALL_POSITIONS, depth=256)
         self._seen: deque[FleetSnapshot] = deque(maxlen=256)
@@ -230,9 +231,18 @@ class PagedRun:
         loop = asyncio.get_running_loop()
         began = loop.time()
         while not condition():
-            assert loop.time() - began < seconds(limit), f"{what}: not within {seconds(limit):g} s"
+            assert loop.time() - began < seconds(limit), f"{what}: not within {seconds(limit):g} s; {self._state()}"
             await asyncio.sleep(0.005)
         return loop.time() - began
+
+    def _state(self) -> str:
+        """Where the robots are and why they hold, for a failure."""
+        states = []
+        for name in self.robots:
+            truth, report = self.truth(name), self._health.get(name)
+            reasons = ", ".join(report.message.reasons) if report is not None else "no report"
+            states.append(f"{name} at ({truth.x:.2f}, {truth.y:.2f}), {truth.v:.2f} m/s: {reasons or 'drives'}")
+        return "; ".join(states)
 
     async def stop_all(self, opened: Visit, way: str, after: float) -> float:
         """Stop all a while after all drive, pressing twice, and resume.
