@@ -198,7 +198,7 @@ class FleetWatch:
     def _alive(self, now: float) -> set[tuple[str, str]]:
         """Role and name of each process that is alive; the router is while anything comes from anybody."""
         router = {(_ROUTER, _ROUTER)} if now - self._heard() <= channels.HEALTH.stale_after else set()
-        return self._roster.alive | router
+        return {*self._roster.alive, *router}
 
     def _heard(self) -> float:
         """When anything came last [s]."""

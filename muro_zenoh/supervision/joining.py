@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+from contextlib import closing
 from typing import Any, Final, NamedTuple
 
 from muro_zenoh import channels
@@ -17,10 +18,11 @@ from muro_zenoh.transport import Bus
 
 log = logging.getLogger(__name__)
 
-_LOOK: Final = 1.0
-"""Who is alive is known within this time [s]."""
+_RESTART: Final = 1.0
+"""What is about to be alive again is waited for this long [s]."""
 
 _ANSWER: Final = 2.0
+"""How long answers are awaited [s]."""
 
 
 class There(NamedTuple):
@@ -49,18 +51,23 @@ async def look(bus: Bus, robots: tuple[str, ...]) -> There:
     Args:
         bus: the bus.
         robots: the names of the robots of the run.
+
+    Raises:
+        NoReply: the router does not say who is alive; what is started beside an unknown fleet may be a second one.
     """
-    roster = bus.roster()
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(_LOOK):
-            await roster.until(lambda known: set(robots) <= known.of(Role.AGENT) and bool(known.of(Role.BASESTATION)))
-    agents = tuple(name for name in robots if name in roster.of(Role.AGENT))
+    with closing(bus.roster()) as roster:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_RESTART):
+                await roster.until(lambda r: r.of(Role.AGENT).issuperset(robots) and bool(r.of(Role.BASESTATION)))
+        await roster.complete(timeout=_ANSWER)
+        alive = set(roster.alive)
+    roles = {role for role, _ in alive}
+    agents = tuple(name for name in robots if (Role.AGENT, name) in alive)
     processes = set(agents)
-    if roster.of(Role.BASESTATION):
+    if Role.BASESTATION in roles:
         processes.add(str(Role.BASESTATION))
-    if roster.of(Role.SIMULATOR) or roster.of(Role.BASE):  # beside real bases it would be a second one of each robot
+    if roles & {Role.SIMULATOR, Role.BASE}:  # beside real bases it would be a second one of each robot
         processes.add(str(Role.SIMULATOR))
-    roster.close()
     return There(frozenset(processes), agents)
 
 

@@ -98,6 +98,11 @@ class Link(Protocol):
         """Hear of tokens: those that are there, and those that come and go."""
         ...
 
+    async def ask_for_tokens(self, key_expr: str, file: Callable[[str], None], timeout: float) -> bool:
+        """Hear of the tokens that are there and that no watcher of this link has been told of; whether that were all of
+        them, within ``timeout`` [s]. What watchers were told before is filed by then, too."""
+        ...
+
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         """Take questions on a key."""
         ...

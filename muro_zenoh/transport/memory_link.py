@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import contextvars
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -354,6 +354,27 @@ class MemoryLink:
 
     def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
         return _Undo(self.network._presence.watch(key_expr, self, file))
+
+    async def ask_for_tokens(self, key_expr: str, file: Callable[[str], None], timeout: float) -> bool:
+        answered = asyncio.Event()
+        network = self.network
+
+        def take(keys: Iterable[str]) -> None:
+            for key in keys:
+                file(key)
+            answered.set()
+
+        def at_router() -> None:
+            known = network._presence.known(key_expr)
+            self.way_in.send(partial(self.receive, partial(take, known)), True)
+
+        if self.lapsed:
+            return False
+        self.way_out.send(partial(network.router.send, at_router, True), True)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout):
+                await answered.wait()
+        return answered.is_set()
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         entry = (key, self, file)

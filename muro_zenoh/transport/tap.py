@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Set
 from typing import NamedTuple
 
 from muro_zenoh.errors import TransportError
@@ -80,17 +80,20 @@ class Tap(_Waiting):
             await self._wait()
 
 
-class Roster(_Waiting):
-    """Who is alive: a set of (role, name), kept up to date by liveliness tokens."""
+class Presence:
+    """The liveliness tokens of a realm, watched once for all rosters of a bus: who stops watching them and soon watches
+    them anew in one session of Zenoh 1.10 misses some (measured: of 60 tokens, in 5 of 1,500 times)."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, parse: Callable[[str], tuple[str, str]]) -> None:
-        super().__init__(loop)
         self.alive: set[tuple[str, str]] = set()
+        self.rosters: list[Roster] = []
+        self._loop = loop
         self._parse = parse
 
     def file(self, key: str, there: bool) -> None:
         """Take a token's coming or going from the middleware; from any thread."""
-        self._call(lambda: self._note(key, there))
+        with contextlib.suppress(RuntimeError):  # the loop is gone, and so is every reader
+            self._loop.call_soon_threadsafe(self._note, key, there)
 
     def _note(self, key: str, there: bool) -> None:
         who = self._parse(key)
@@ -98,11 +101,44 @@ class Roster(_Waiting):
             self.alive.add(who)
         else:
             self.alive.discard(who)
-        self._notify()
+        for roster in self.rosters:
+            roster._notify()
+
+
+class Roster(_Waiting):
+    """Who is alive: a set of (role, name), kept up to date by liveliness tokens.
+
+    It fills as the news comes in: until :meth:`complete` has been awaited, who is not in it may be alive.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, presence: Presence, complete: Callable[[float], Awaitable[None]]
+    ) -> None:
+        super().__init__(loop)
+        self._presence = presence
+        self._complete = complete
+        presence.rosters.append(self)
+        self.on_close(lambda: presence.rosters.remove(self))
+
+    @property
+    def alive(self) -> Set[tuple[str, str]]:
+        """Role and name of everybody."""
+        return self._presence.alive
 
     def of(self, role: str) -> set[str]:
         """The names that are alive in a role."""
         return {name for r, name in self.alive if r == role}
+
+    async def complete(self, *, timeout: float = 2.0) -> None:
+        """Wait until everybody who is alive now is in it.
+
+        Args:
+            timeout: how long at most [s].
+
+        Raises:
+            NoReply: the router did not say in time who is alive.
+        """
+        await self._complete(timeout)
 
     async def changed(self) -> None:
         """Wait until somebody comes or goes."""

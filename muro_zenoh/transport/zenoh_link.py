@@ -169,23 +169,38 @@ async def _open_session(config: zenoh.Config) -> zenoh.Session:
 
 def _in_thread(function: Callable[..., R], *arguments: Any) -> asyncio.Future[R]:
     """Call a function in a thread that ends with it, and that the process's end does not wait for."""
-    loop = asyncio.get_running_loop()
-    done: asyncio.Future[R] = loop.create_future()
-
-    def settle(settled: Callable[[Any], None], result: Any) -> None:
-        if not done.done():
-            settled(result)
+    done, settle = _from_any_thread()
 
     def work() -> None:
         try:
-            outcome: tuple[Callable[[Any], None], Any] = done.set_result, function(*arguments)
+            result = function(*arguments)
         except BaseException as error:  # raised where it is awaited
-            outcome = done.set_exception, error
-        with contextlib.suppress(RuntimeError):  # the loop may be closed by now
-            loop.call_soon_threadsafe(settle, *outcome)
+            settle(None, error)
+        else:
+            settle(result)
 
     threading.Thread(target=work, name="zenoh", daemon=True).start()
     return done
+
+
+def _from_any_thread() -> tuple[asyncio.Future[Any], Callable[..., None]]:
+    """A future of this loop, and what gives it its result, or an error, from any thread; the first one counts."""
+    loop = asyncio.get_running_loop()
+    future: asyncio.Future[Any] = loop.create_future()
+
+    def settle(result: Any, error: BaseException | None) -> None:
+        if future.done():
+            return
+        if error is None:
+            future.set_result(result)
+        else:
+            future.set_exception(error)
+
+    def post(result: Any, error: BaseException | None = None) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+            loop.call_soon_threadsafe(settle, result, error)
+
+    return future, post
 
 
 def _not_open(settings: BusSettings, error: zenoh.ZError) -> TransportError:
@@ -203,8 +218,9 @@ def _not_open(settings: BusSettings, error: zenoh.ZError) -> TransportError:
 class ZenohLink:
     """A Zenoh session."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, *, client: bool) -> None:
         self._session = session
+        self._client = client
         self._closed = False
 
     @classmethod
@@ -223,7 +239,7 @@ class ZenohLink:
         pause = _FIRST_PAUSE
         while True:
             try:
-                return cls(await _open_session(config))
+                return cls(await _open_session(config), client=settings.mode == "client")
             except zenoh.ZError as error:
                 if time.monotonic() + pause > deadline:
                     raise _not_open(settings, error) from error
@@ -285,20 +301,33 @@ class ZenohLink:
 
         return _Declared(self._session.liveliness().declare_subscriber(key_expr, _direct(on_sample), history=True))
 
+    async def ask_for_tokens(self, key_expr: str, file: Callable[[str], None], timeout: float) -> bool:
+        complete = True
+        answer, post = _from_any_thread()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            nonlocal complete
+            if reply.ok is not None:
+                file(str(reply.ok.key_expr))
+            else:  # such as a timeout
+                complete = False
+
+        handler = zenoh.handlers.Callback(on_reply, drop=lambda: post(None), indirect=False)
+        self._session.liveliness().get(key_expr, handler, timeout=timeout)
+        try:
+            async with asyncio.timeout(timeout + 0.5):
+                await answer
+        except TimeoutError:
+            return False
+        # Without its router a client knows of no tokens, and gets that for an answer at once.
+        return complete and (not self._client or bool(self._session.info.routers_zid()))
+
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         return _Declared(self._session.declare_queryable(key, _direct(lambda query: file(_Query(query)))))
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
-        loop = asyncio.get_running_loop()
-        answer: asyncio.Future[bytes | None] = loop.create_future()
-
-        def settle(value: bytes | None) -> None:
-            if not answer.done():
-                answer.set_result(value)
-
-        def post(value: bytes | None) -> None:
-            with contextlib.suppress(RuntimeError):  # the loop may be closed by now
-                loop.call_soon_threadsafe(settle, value)
+        answer: asyncio.Future[bytes | None]
+        answer, post = _from_any_thread()
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:

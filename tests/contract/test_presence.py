@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 from muro_zenoh.channels import Role
 from muro_zenoh.transport import Roster
 from tests.contract.conftest import Network
@@ -19,6 +21,34 @@ async def test_presence_comes_and_goes(network: Network) -> None:
     await within(2, roster.until(lambda r: r.alive == {("agent", "r1"), ("agent", "r2"), ("base", "r2")}), "r2")
     await late.close()
     await within(2, roster.until(lambda r: r.alive == {("agent", "r1")}), "r2 to have gone")
+
+
+async def test_a_complete_roster_has_everybody(network: Network) -> None:
+    fleet = {("agent", f"r{i}") for i in range(40)} | {("simulator", "simulator")}
+    one, other = await network.open(), await network.open()
+    for i, (role, name) in enumerate(sorted(fleet)):
+        (one, other)[i % 2].announce(Role(role), name)
+    newcomer = await network.open()
+    await within(2, newcomer.roster().until(lambda r: r.alive == fleet), "all of them at the router")
+    for bus in (await network.open(), one, other):
+        roster = bus.roster()
+        await roster.complete()
+        assert roster.alive == fleet
+
+
+async def test_a_roster_opened_again_and_again_has_everybody(network: Network) -> None:
+    """Zenoh told a session that watched tokens anew of one or two out of sixty, five times in 1,500."""
+    agent, watcher = await network.open(), await network.open()
+    for i in range(40):
+        agent.announce(Role.AGENT, f"r{i}")
+    first = watcher.roster()
+    await within(2, first.until(lambda r: len(r.of("agent")) == 40), "all of them at the router")
+    first.close()
+    for _ in range(100):
+        roster = watcher.roster()
+        assert len(roster.of("agent")) == 40
+        roster.close()
+        await asyncio.sleep(0)
 
 
 async def test_one_of_two_processes_with_the_same_name_may_leave(network: Network) -> None:

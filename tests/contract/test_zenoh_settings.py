@@ -14,8 +14,9 @@ import pytest_asyncio
 import zenoh
 
 from muro_zenoh import channels
-from muro_zenoh.channels import ALL_ROLES, Channel
+from muro_zenoh.channels import ALL_ROLES, Channel, Role
 from muro_zenoh.config import BusSettings
+from muro_zenoh.errors import NoReply
 from muro_zenoh.messages import (
     Calibration,
     Circle,
@@ -30,7 +31,7 @@ from muro_zenoh.messages import (
 from muro_zenoh.transport import Bus, open_bus, zenoh_link
 from tests.contract.conftest import stranger
 from tests.support.process import CHILDREN, Process
-from tests.support.router import Router
+from tests.support.router import Router, router
 from tests.support.waiting import within
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-5)
@@ -127,6 +128,22 @@ async def test_a_frozen_process_is_missed_once_its_lease_is_over(shared_router: 
         async with asyncio.timeout(8.0):  # not scaled: it must be less than Zenoh's own
             await roster.until(lambda r: not r.of("base"))
         reader.send(signal.SIGCONT)
+
+
+async def test_without_an_answer_of_the_router_nobody_says_who_is_alive() -> None:
+    """An empty answer would be taken for an empty floor."""
+    with router() as running:
+        async with open_bus(running.settings(), *ALL_ROLES) as bus, open_bus(running.settings(), *ALL_ROLES) as agent:
+            agent.announce(Role.AGENT, "r1")
+            roster = bus.roster()
+            await within(5, roster.until(lambda r: bool(r.alive)), "the agent")
+            running.process.send(signal.SIGSTOP)
+            with pytest.raises(NoReply, match=r"who is alive was not known within 0\.2 s"):
+                await roster.complete(timeout=0.2)
+            running.process.kill()
+            await within(5, roster.until(lambda r: not r.alive), "the end of the link to the router")
+            with pytest.raises(NoReply):
+                await roster.complete()
 
 
 async def test_what_a_cancelled_open_opens_later_is_closed(

@@ -132,6 +132,10 @@ class Visit:
             await self.page.keyboard.press(way)
             await self.page.keyboard.press(way)
 
+    async def words(self) -> str:
+        """What the page says, for a failure."""
+        return f"{' | '.join((await self.page.inner_text('body')).splitlines())}; complaints: {self.complaints}"
+
     async def resume(self) -> None:
         """Lift a stop as a person does: asked once."""
         await self.page.locator("#resume button", has_text="Resume").click()
@@ -171,7 +175,7 @@ async def visit(browser: Browser, url: str, **options: Any) -> AsyncIterator[Vis
         visited = Visit(await context.new_page())
         await visited.page.goto(url)
         yield visited
-        assert visited.complaints == []
+        assert not visited.complaints, f"the page complains: {visited.complaints}"
     finally:
         await context.close()
 
@@ -241,7 +245,9 @@ class PagedRun:
         for name in self.robots:
             truth, report = self.truth(name), self._health.get(name)
             reasons = ", ".join(report.message.reasons) if report is not None else "no report"
-            states.append(f"{name} at ({truth.x:.2f}, {truth.y:.2f}), {truth.v:.2f} m/s: {reasons or 'drives'}")
+            age = self.bus.clock.now() - truth.stamp
+            where = f"{name} at ({truth.x:.2f}, {truth.y:.2f}), {truth.v:.2f} m/s {age:.1f} s ago"
+            states.append(f"{where}: {reasons or 'drives'}")
         return "; ".join(states)
 
     async def stop_all(self, opened: Visit, way: str, after: float) -> float:
@@ -258,7 +264,10 @@ class PagedRun:
         await self.time_until(lambda: len(self.moving()) == len(self.robots), 10.0, "all robots drive")
         await asyncio.sleep(after)
         await opened.press_stop_twice(way)
-        await self.time_until(lambda: not self.moving(), 5.0, "all wheels stand")
+        try:
+            await self.time_until(lambda: not self.moving(), 5.0, f"all wheels stand, stopped by {way!r}")
+        except AssertionError as error:
+            raise AssertionError(f"{error}; the page: {await opened.words()}") from None
         took = self.at_rest_since() - await opened.pressed_at()
         await opened.page.locator("#receipt.good").wait_for(timeout=1000 * seconds(8))
         await opened.resume()

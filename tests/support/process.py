@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -69,6 +70,7 @@ class Process:
         Raises:
             AssertionError: it ended, or no such line came in time (scaled) [s]; with its last lines.
         """
+        end = time.monotonic() + seconds(timeout)
         with self._heard:
             while True:
                 while self._unread:
@@ -77,7 +79,7 @@ class Process:
                         return line
                 if self._ended:
                     raise AssertionError(f"{self.name} ended before it said {start!r}.\n{self.last_lines()}")
-                if not self._heard.wait(seconds(timeout)):
+                if not self._heard.wait(end - time.monotonic()):
                     raise AssertionError(
                         f"{self.name} did not say {start!r} within {seconds(timeout):g} s.\n{self.last_lines()}"
                     )

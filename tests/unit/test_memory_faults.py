@@ -301,6 +301,32 @@ def test_a_token_goes_when_the_lease_has_run_out_and_comes_back(side: str) -> No
 
 
 @virtual
+async def test_who_is_there_is_asked_of_the_router() -> None:
+    pair = Pair()
+    pair.writer.declare_token("alive/1")
+
+    async def tokens(timeout: float) -> list[str] | None:
+        heard: list[str] = []
+        return heard if await pair.reader.ask_for_tokens("alive/*", heard.append, timeout) else None
+
+    assert await tokens(1.0) == ["alive/1"]
+    async with troubled(pair.reader, Delay(RNG(1), 0.2)):
+        assert await tokens(1.0) == ["alive/1"]
+        assert now() == pytest.approx(0.4)
+        assert await tokens(0.3) is None
+    async with troubled(pair.writer, Cut()):
+        assert await tokens(1.0) == ["alive/1"]
+        await asyncio.sleep(LEASE + 0.1)
+        assert await tokens(1.0) == []
+    async with troubled(pair.reader, Cut()):
+        assert await tokens(1.0) is None
+        await asyncio.sleep(LEASE)
+        began = now()
+        assert await tokens(1.0) is None
+        assert now() == began
+
+
+@virtual
 async def test_a_short_cut_shows_no_change_of_tokens() -> None:
     pair = Pair()
     pair.watch()
