@@ -119,6 +119,17 @@ async def test_a_stop_of_one_robot_that_fails_does_not_look_like_a_success(there
     assert await opened.page.locator("#card .receipt.good").count() == 1
 
 
+async def test_a_page_that_cannot_show_it_sends_the_stop_all_the_same(there: There) -> None:
+    opened, base = there
+    shows = "Element.prototype.replaceChildren"
+    await opened.page.evaluate(f"() => {{ window.shows = {shows}; {shows} = () => {{ throw new Error('broken'); }}; }}")
+    async with opened.page.expect_event("pageerror"):
+        await opened.page.keyboard.press("Escape")
+    await base.until(lambda: base.of("stop"), "a stop")
+    await opened.page.evaluate(f"() => {{ {shows} = window.shows; }}")
+    opened.complaints = [text for text in opened.complaints if text != "broken"]
+
+
 # ---- connections that are dead
 
 

@@ -61,11 +61,12 @@ export class StopDesk {
    * @param {Receipt} receipt  where that is shown.
    */
   async stop(names, receipt) {
-    this.pressed();
     const key = names.join(" ");
     const asked = (this.#asked.get(key) ?? 0) + 1;
     this.#asked.set(key, asked);
     this.#owed.set(key, { names, receipt });
+    const answer = this.connection.ask({ order: "stop", names }); // before anything that might fail
+    this.pressed();
     if (!this.connection.open) {
       receipt.show(
         "bad",
@@ -75,7 +76,7 @@ export class StopDesk {
     }
     receipt.show("waiting", "Stop sent. Waiting for each robot …");
     if (!names.length) this.#label("sent");
-    const reply = await this.connection.ask({ order: "stop", names });
+    const reply = await answer;
     if (asked !== this.#asked.get(key)) return;
     if (!names.length) this.#label("space or Esc");
     if (reply.receipt) this.#settle(names);
