@@ -34,6 +34,23 @@ async def focused(opened: Visit) -> str:
 # ---- the floor
 
 
+async def test_the_floor_does_not_move_while_the_page_opens(browser: Browser) -> None:
+    """It would if robots stood aside until the first state: a click at once would be one beside the place meant."""
+    async with visit(browser, "about:blank") as opened:
+        await opened.page.add_init_script(
+            """addEventListener("DOMContentLoaded", () => {
+                const aside = document.querySelector("#aside");
+                window.shown = 0;
+                new MutationObserver(() => { window.shown += !aside.hidden; }).observe(aside, {attributes: true});
+            });"""
+        )
+        base = PlayedBase()
+        await serve(opened, base)
+        await opened.sees(NAMES)
+        await opened.page.locator("#robots .condition", has_text="driving").first.wait_for()
+        assert await opened.page.evaluate("window.shown") == 0
+
+
 async def test_walls_are_drawn_where_they_are(there: There) -> None:
     opened, base = there
     sides, doorway, beside = ((1.23, -0.9), (1.23, 0.9)), (1.23, 0.3), (1.33, 0.9)

@@ -75,6 +75,7 @@ export class RobotList {
   }
 
   #standAside() {
+    if (this.fleet.state === null) return; // or it would come and go, and move the floor under the first click
     const missing = [...this.fleet.robots.values()].filter((robot) => !robot.placed || robot.condition === "absent");
     const text = missing.map((robot) => `${robot.name} ${robot.condition} ${robot.details.reason}`).join();
     if (this.aside.dataset.of === text) return;
