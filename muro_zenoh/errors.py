@@ -79,7 +79,7 @@ class NotConnected(TransportError):  # noqa: N818 - reads as a state, and is one
 
 
 class NoReply(TransportError):  # noqa: N818 - reads as an event, and is one
-    """No answer to an order within the timeout."""
+    """No answer to an order or a question within the timeout."""
 
 
 class OrderRefused(MuroError):  # noqa: N818 - reads as an event, and is one

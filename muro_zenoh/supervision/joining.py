@@ -14,12 +14,13 @@ from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import MuroError, OrderRefused
 from muro_zenoh.messages import Message, SetBehaviour, SetCircle
-from muro_zenoh.transport import Bus
+from muro_zenoh.transport import Bus, Roster
 
 log = logging.getLogger(__name__)
 
-_RESTART: Final = 1.0
-"""What is about to be alive again is waited for this long [s]."""
+_RESTART: Final = 2.0
+"""How long to wait for processes that are missing [s]. They may be restarting; or the router was, and clients come back
+to it within 2 s."""
 
 _ANSWER: Final = 2.0
 """How long answers are awaited [s]."""
@@ -53,12 +54,17 @@ async def look(bus: Bus, robots: tuple[str, ...]) -> There:
         robots: the names of the robots of the run.
 
     Raises:
-        NoReply: the router does not say who is alive; what is started beside an unknown fleet may be a second one.
+        NoReply: the router does not say who is alive. Nothing may be started then: it could be a second one.
     """
+
+    def whole(known: Roster) -> bool:
+        wheels = known.of(Role.SIMULATOR) or known.of(Role.BASE)
+        return known.of(Role.AGENT).issuperset(robots) and bool(known.of(Role.BASESTATION)) and bool(wheels)
+
     with closing(bus.roster()) as roster:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_RESTART):
-                await roster.until(lambda r: r.of(Role.AGENT).issuperset(robots) and bool(r.of(Role.BASESTATION)))
+                await roster.until(whole)
         await roster.complete(timeout=_ANSWER)
         alive = set(roster.alive)
     roles = {role for role, _ in alive}

@@ -25,7 +25,8 @@ from muro_zenoh.transport.mailboxes import Every, Latest
 from muro_zenoh.transport.memory_link import MemoryNetwork
 from muro_zenoh.transport.publisher import Publisher
 from muro_zenoh.transport.received import Counters, Received
-from muro_zenoh.transport.tap import Roster, Sample, Tap
+from muro_zenoh.transport.roster import Roster
+from muro_zenoh.transport.tap import Sample, Tap
 
 __all__ = [
     "Bus",

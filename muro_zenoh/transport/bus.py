@@ -43,7 +43,8 @@ from muro_zenoh.transport.orders import Orders, nobody_answered, with_deadline
 from muro_zenoh.transport.publisher import Publisher
 from muro_zenoh.transport.pulse import Pulse
 from muro_zenoh.transport.received import Counters
-from muro_zenoh.transport.tap import Presence, Roster, Tap
+from muro_zenoh.transport.roster import Roster, TokenWatch
+from muro_zenoh.transport.tap import Tap
 
 T = TypeVar("T", bound=Message)
 I = TypeVar("I", bound=Inbox[Any])  # noqa: E741 - an inbox
@@ -92,8 +93,7 @@ class Bus:
         self._numbers: dict[str, itertools.count[int]] = {}  # the next `seq` of each key that this process writes
         self._orders: list[Orders[Any]] = []
         self._pulse: Pulse | None = None
-        self._presence: Presence | None = None
-        self._anybody = alive_key(realm, "*", "*")
+        self._tokens: TokenWatch | None = None
         self._closed = False
 
     # ---- channels
@@ -220,22 +220,15 @@ class Bus:
     def roster(self) -> Roster:
         """Who is alive, kept up to date."""
         self._check_open()
-        if self._presence is None:
-            self._presence = Presence(self._loop, lambda key: alive_in(self.realm, key))
-            self._open[self._link.watch_tokens(self._anybody, self._presence.file)] = None
-        roster = Roster(self._loop, self._presence, partial(self._ask_who_is_alive, self._presence))
+        everybody = alive_key(self.realm, "*", "*")
+        if self._tokens is None:
+            tokens = TokenWatch(self._loop, lambda key: alive_in(self.realm, key))
+            self._open[self._link.watch_tokens(everybody, tokens.file)] = None
+            self._tokens = tokens
+        roster = Roster(self._loop, self._tokens, partial(self._link.hear_all_tokens, everybody))
         roster.on_close(lambda: self._forget(roster))
         self._open[roster] = None
         return roster
-
-    async def _ask_who_is_alive(self, presence: Presence, timeout: float) -> None:
-        self._check_open()
-        if not await self._link.ask_for_tokens(self._anybody, partial(presence.file, there=True), timeout):
-            raise NoReply(
-                f"{self._anybody}: who is alive was not known within {timeout:g} s, expected the router to say it. "
-                "Is its computer reachable, and not overloaded?"
-            )
-        await asyncio.sleep(0)  # what was filed is in the rosters at the loop's next turn
 
     # ---- orders
 

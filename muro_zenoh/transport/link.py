@@ -5,6 +5,8 @@ A link carries bytes. It calls back on any thread; the callbacks only file and r
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
@@ -50,6 +52,12 @@ class Declared(ABC):
     @abstractmethod
     def _notify(self) -> None:
         """Wake the task that waits."""
+
+
+def call_on(loop: asyncio.AbstractEventLoop, function: Callable[..., object], *given: object) -> None:
+    """Call a function on a loop, soon, from any thread; a loop that is closed has nobody left who wants it."""
+    with contextlib.suppress(RuntimeError):
+        loop.call_soon_threadsafe(function, *given)
 
 
 class LinkPublisher(Closable, Protocol):
@@ -98,9 +106,12 @@ class Link(Protocol):
         """Hear of tokens: those that are there, and those that come and go."""
         ...
 
-    async def ask_for_tokens(self, key_expr: str, file: Callable[[str], None], timeout: float) -> bool:
-        """Hear of the tokens that are there and that no watcher of this link has been told of; whether that were all of
-        them, within ``timeout`` [s]. What watchers were told before is filed by then, too."""
+    async def hear_all_tokens(self, key_expr: str, timeout: float) -> bool:
+        """Wait until those of this link who watch tokens have been told of all that the router knows of.
+
+        Returns:
+            Whether the router said within ``timeout`` [s] that these are all.
+        """
         ...
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:

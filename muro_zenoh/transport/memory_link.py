@@ -10,14 +10,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import contextvars
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 from muro_zenoh.channels import Priority
 from muro_zenoh.transport.key_expressions import matches
-from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
+from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question, call_on
 from muro_zenoh.transport.memory_faults import Deliver, Trouble, Way
 from muro_zenoh.transport.memory_presence import Presence
 
@@ -355,26 +355,20 @@ class MemoryLink:
     def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
         return _Undo(self.network._presence.watch(key_expr, self, file))
 
-    async def ask_for_tokens(self, key_expr: str, file: Callable[[str], None], timeout: float) -> bool:
-        answered = asyncio.Event()
-        network = self.network
+    async def hear_all_tokens(self, key_expr: str, timeout: float) -> bool:
+        told = asyncio.Event()
+        loop = asyncio.get_running_loop()
 
-        def take(keys: Iterable[str]) -> None:
-            for key in keys:
-                file(key)
-            answered.set()
-
-        def at_router() -> None:
-            known = network._presence.known(key_expr)
-            self.way_in.send(partial(self.receive, partial(take, known)), True)
+        def at_router() -> None:  # on the way of the news, and behind it
+            self.way_in.send(partial(self.receive, partial(call_on, loop, told.set)), True)
 
         if self.lapsed:
             return False
-        self.way_out.send(partial(network.router.send, at_router, True), True)
+        self.way_out.send(partial(self.network.router.send, at_router, True), True)
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout):
-                await answered.wait()
-        return answered.is_set()
+                return await told.wait()
+        return False
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         entry = (key, self, file)

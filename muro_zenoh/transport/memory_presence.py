@@ -103,14 +103,6 @@ class Presence:
 
         return end
 
-    def known(self, expression: str) -> list[str]:
-        """The tokens that the router knows of.
-
-        Args:
-            expression: which.
-        """
-        return [key for key, link in self._tokens if matches(expression, key) and not link.lapsed]
-
     def leave(self, link: MemoryLink) -> None:
         """Forget a link that has left: its tokens are gone.
 

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 from muro_zenoh.channels import Priority
 from muro_zenoh.config import BusSettings
 from muro_zenoh.errors import NotConnected, TransportError
-from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question
+from muro_zenoh.transport.link import Closable, FileSample, FileToken, Question, call_on
 
 # Read by Zenoh when it starts its runtime, so it is set before the import. A router must not have it: there it
 # would never forward large messages.
@@ -52,6 +52,9 @@ _PRIORITY = {
 _OPEN_TIMEOUT = 5.0
 _FIRST_PAUSE = 0.02
 _LONGEST_PAUSE = 0.2
+_OWN_TIMEOUT = 0.5
+"""Zenoh ends a question at its timeout; should it not, we do this much later [s]."""
+
 _CLOSE_TIMEOUT = 1.0
 """A session that has not closed by then is left to the end of the process, which does not wait for it [s]."""
 
@@ -196,11 +199,7 @@ def _from_any_thread() -> tuple[asyncio.Future[Any], Callable[..., None]]:
         else:
             future.set_exception(error)
 
-    def post(result: Any, error: BaseException | None = None) -> None:
-        with contextlib.suppress(RuntimeError):  # the loop may be closed by now
-            loop.call_soon_threadsafe(settle, result, error)
-
-    return future, post
+    return future, lambda result, error=None: call_on(loop, settle, result, error)
 
 
 def _not_open(settings: BusSettings, error: zenoh.ZError) -> TransportError:
@@ -301,26 +300,24 @@ class ZenohLink:
 
         return _Declared(self._session.liveliness().declare_subscriber(key_expr, _direct(on_sample), history=True))
 
-    async def ask_for_tokens(self, key_expr: str, file: Callable[[str], None], timeout: float) -> bool:
+    async def hear_all_tokens(self, key_expr: str, timeout: float) -> bool:
+        # The router answers in order: what our subscriber is to be told of comes before the end of this question.
+        # Its own answers are not used: Zenoh gives them from the caller's thread, perhaps after a token has gone.
         complete = True
-        answer, post = _from_any_thread()
+        answered, post = _from_any_thread()
 
         def on_reply(reply: zenoh.Reply) -> None:
             nonlocal complete
-            if reply.ok is not None:
-                file(str(reply.ok.key_expr))
-            else:  # such as a timeout
-                complete = False
+            complete = complete and reply.ok is not None  # else a timeout
 
         handler = zenoh.handlers.Callback(on_reply, drop=lambda: post(None), indirect=False)
         self._session.liveliness().get(key_expr, handler, timeout=timeout)
-        try:
-            async with asyncio.timeout(timeout + 0.5):
-                await answer
-        except TimeoutError:
-            return False
-        # Without its router a client knows of no tokens, and gets that for an answer at once.
-        return complete and (not self._client or bool(self._session.info.routers_zid()))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout + _OWN_TIMEOUT):
+                await answered
+                # Without its router a client knows of no tokens, and is told at once that these are all.
+                return complete and (not self._client or bool(self._session.info.routers_zid()))
+        return False
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
         return _Declared(self._session.declare_queryable(key, _direct(lambda query: file(_Query(query)))))
@@ -341,7 +338,7 @@ class ZenohLink:
             timeout=timeout,
         )
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(timeout + 0.5):
+            async with asyncio.timeout(timeout + _OWN_TIMEOUT):
                 return await answer
         return None
 

@@ -76,7 +76,12 @@ async def test_closing_ends_the_wait_for_presence_and_samples(network: Network) 
         async for _ in tap:
             pass
 
-    waits = [asyncio.create_task(w) for w in (roster.until(lambda r: False), roster.changed(), drink())]
+    async def complete() -> None:
+        while True:
+            await roster.complete()
+
+    awaited = (roster.until(lambda r: False), roster.changed(), complete(), drink())
+    waits = [asyncio.create_task(wait) for wait in awaited]
     await asyncio.sleep(0.01)
     await bus.close()
     for wait in waits:
@@ -84,6 +89,8 @@ async def test_closing_ends_the_wait_for_presence_and_samples(network: Network) 
             await within(2, wait, "the end of the wait")
     with pytest.raises(TransportError, match="closed"):
         await within(2, roster.until(lambda r: False), "the end of a wait that began after closing")
+    with pytest.raises(TransportError, match="closed"):
+        await roster.complete()
 
 
 async def test_a_closed_bus_says_so(network: Network) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
 
 import pytest
@@ -23,11 +24,15 @@ class Floor:
     """A network on which some are alive, and the run that joins it."""
 
     def __init__(self, *alive: tuple[Role, str]) -> None:
-        network = MemoryNetwork()
+        self._network = MemoryNetwork()
         for role, name in alive:
-            make_bus(network.link(name), "lab", roles=ALL_ROLES).announce(role, name)
-        self.link = network.link("operator")
+            self.come(role, name)
+        self.link = self._network.link("operator")
         self.bus = make_bus(self.link, "lab", roles=ALL_ROLES)
+
+    def come(self, role: Role, name: str) -> None:
+        """Somebody is alive from now on."""
+        make_bus(self._network.link(name), "lab", roles=ALL_ROLES).announce(role, name)
 
 
 @pytest.mark.parametrize(
@@ -62,8 +67,17 @@ def test_the_simulator_is_found_whatever_is_heard_first(seed: int) -> None:
 
 
 @virtual
+async def test_a_simulator_that_is_restarting_is_waited_for() -> None:
+    floor = Floor(*AGENTS, STATION)
+    looking = asyncio.create_task(joining.look(floor.bus, ROBOTS))
+    await asyncio.sleep(1.5)
+    floor.come(*SIMULATOR)
+    assert "simulator" in (await looking).processes
+
+
+@virtual
 async def test_nothing_is_known_of_a_floor_behind_a_cut_link() -> None:
     floor = Floor(*AGENTS, STATION, SIMULATOR)
     floor.link.begin(Cut())
-    with pytest.raises(NoReply, match="who is alive was not known"):
+    with pytest.raises(NoReply, match="who is alive is not known"):
         await joining.look(floor.bus, ROBOTS)

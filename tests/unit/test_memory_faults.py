@@ -301,28 +301,22 @@ def test_a_token_goes_when_the_lease_has_run_out_and_comes_back(side: str) -> No
 
 
 @virtual
-async def test_who_is_there_is_asked_of_the_router() -> None:
+async def test_when_all_tokens_are_known_the_router_says() -> None:
     pair = Pair()
-    pair.writer.declare_token("alive/1")
-
-    async def tokens(timeout: float) -> list[str] | None:
-        heard: list[str] = []
-        return heard if await pair.reader.ask_for_tokens("alive/*", heard.append, timeout) else None
-
-    assert await tokens(1.0) == ["alive/1"]
+    pair.watch()
+    everything = "alive/*"
+    assert await pair.reader.hear_all_tokens(everything, 1.0)
     async with troubled(pair.reader, Delay(RNG(1), 0.2)):
-        assert await tokens(1.0) == ["alive/1"]
+        pair.writer.declare_token("alive/1")
+        assert await pair.reader.hear_all_tokens(everything, 1.0)
+        assert pair.tokens == [(pytest.approx(0.2), True)]
         assert now() == pytest.approx(0.4)
-        assert await tokens(0.3) is None
-    async with troubled(pair.writer, Cut()):
-        assert await tokens(1.0) == ["alive/1"]
-        await asyncio.sleep(LEASE + 0.1)
-        assert await tokens(1.0) == []
+        assert not await pair.reader.hear_all_tokens(everything, 0.3)
     async with troubled(pair.reader, Cut()):
-        assert await tokens(1.0) is None
+        assert not await pair.reader.hear_all_tokens(everything, 1.0)
         await asyncio.sleep(LEASE)
         began = now()
-        assert await tokens(1.0) is None
+        assert not await pair.reader.hear_all_tokens(everything, 1.0)
         assert now() == began
 
 

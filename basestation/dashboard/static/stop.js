@@ -49,9 +49,9 @@ export class StopDesk {
 
   /** Stop every robot, and show what came of it. */
   stopAll() {
+    void this.stop([], this.#receipt);
     this.#button.classList.add("asked");
     setTimeout(() => this.#button.classList.remove("asked"), 250);
-    void this.stop([], this.#receipt);
   }
 
   /**
