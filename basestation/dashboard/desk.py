@@ -97,8 +97,8 @@ class Desk:
         if client.right is not Right.STEER and order.word not in _FREE:
             self._answer(client, order, outcome="refused", reason="only an operator may: open the operator's link")
         elif isinstance(order, StopOrder):
-            self._hands.release(order.names)
             self._stops.stop(client, order.id, order.names)
+            self._hands.release(order.names)
         elif isinstance(order, DriveOrder):
             self._drive(client, order)
         elif isinstance(order, PictureOrder):

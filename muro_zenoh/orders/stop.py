@@ -74,7 +74,7 @@ def send_stop(bus: Bus, names: tuple[str, ...]) -> None:
         bus: the bus.
         names: which; none for all.
     """
-    with closing(bus.publisher(channels.STOP)) as orders:
+    with closing(bus.publisher(channels.STOP, keep=False)) as orders:
         orders.put(StopOrder(all=not names, names=names))
 
 
@@ -89,7 +89,7 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """
     with ExitStack() as stack:
         watch = stack.enter_context(closing(_Watch(bus, names)))
-        orders = stack.enter_context(closing(bus.publisher(channels.STOP)))
+        orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
         watch.order(orders)
         asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
         stack.callback(asking.cancel)

@@ -98,12 +98,14 @@ class Bus:
 
     # ---- channels
 
-    def publisher(self, channel: Channel[T], name: str = "") -> Publisher[T]:
+    def publisher(self, channel: Channel[T], name: str = "", *, keep: bool = True) -> Publisher[T]:
         """A writer on a channel.
 
         Args:
             channel: which.
             name: the robot's (camera's, process's) name, where the channel has names.
+            keep: whether late joiners get its last value, if the channel's values are kept. False for a writer that is
+                closed soon: each reader would ask it for its value.
 
         Raises:
             ConfigError: no role of this process writes the channel; or the name is invalid, missing or superfluous.
@@ -113,9 +115,8 @@ class Bus:
         if name == "*":
             raise ConfigError(f"channel {channel.word}", got="the name '*' to publish on", expected="one name")
         key = key_of(self.realm, channel, name)
-        link = self._link.publisher(
-            key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=channel.delivery == "kept"
-        )
+        keep = keep and channel.delivery == "kept"
+        link = self._link.publisher(key, encoding=encoding_of(channel.kind), priority=channel.priority, keep=keep)
         readers = self._readers.setdefault(key, [])
         if key not in self._numbers:
             self._numbers[key] = itertools.count(1)

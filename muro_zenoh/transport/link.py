@@ -21,7 +21,7 @@ FileToken = Callable[[str, bool], None]
 
 
 class Closable(Protocol):
-    """Something declared on a link."""
+    """Something declared on a link, for as long as this is held."""
 
     def close(self) -> None:
         """Undeclare it; a second time does nothing."""

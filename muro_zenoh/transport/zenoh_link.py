@@ -111,16 +111,17 @@ def _settings(settings: BusSettings) -> dict[str, Any]:
 
 
 class _Declared:
-    """Something declared on a session; Zenoh raises at a second undeclare, we do not."""
+    """Something declared on a session. It is undeclared by dropping it, which lets go of the GIL first.
+
+    ``undeclare()`` of ``zenoh.ext``'s does not: Zenoh's thread, which hands us a sample, waits for the GIL and holds a
+    lock for which ``undeclare()`` waits, for ever (decision 4).
+    """
 
     def __init__(self, declared: Any) -> None:
         self._declared = declared
 
     def close(self) -> None:
-        declared, self._declared = self._declared, None
-        if declared is not None:
-            with contextlib.suppress(zenoh.ZError):
-                declared.undeclare()
+        self._declared = None
 
 
 class _Publisher(_Declared):
@@ -150,8 +151,11 @@ class _Query:
 
 
 def _direct(function: Callable[[Any], None]) -> Any:
-    """A handler on Zenoh's receive thread: no thread of its own for each subscriber."""
-    return zenoh.handlers.Callback(function, indirect=False)
+    """A handler on Zenoh's receive thread: no thread of its own for each subscriber.
+
+    In a pair: with the callback alone Zenoh keeps what is declared until the session is closed, if it is dropped.
+    """
+    return zenoh.handlers.Callback(function, indirect=False), None
 
 
 def _brief(error: Exception) -> str:

@@ -137,6 +137,20 @@ async def test_what_is_not_kept_is_gone(network: Network) -> None:
     assert box.get().message.speed < 0.0  # type: ignore[union-attr]  # a probe, not the old value
 
 
+async def test_a_writer_may_keep_nothing(network: Network) -> None:
+    """Such as an operator's stop, which the base station keeps: its own is gone by the time somebody resumes."""
+    writer = await network.open()
+    there = (await network.open()).latest(channels.CIRCLE)
+    passing, keeping = writer.publisher(channels.CIRCLE, keep=False), writer.publisher(channels.CIRCLE)
+    keeping.put(Circle(x=0.0, y=0.0, radius=0.8))
+    passing.put(Circle(x=0.0, y=0.0, radius=0.9))
+    while (await within(3, there.next(), "the second value")).message.radius != 0.9:
+        pass
+    late = (await network.open()).every(channels.CIRCLE)
+    assert (await within(3, late.next(), "the kept value")).message.radius == 0.8
+    assert not late.drain()
+
+
 async def test_what_a_killed_process_kept_in_memory_goes_with_its_link() -> None:
     """It has closed no publisher. Over Zenoh the cache is in the process itself."""
     network, heard = MemoryNetwork(), []

@@ -18,7 +18,7 @@ from muro_zenoh import channels
 from muro_zenoh.channels import ALL_ROLES, Role
 from muro_zenoh.config import BusSettings
 from muro_zenoh.errors import NotConnected, TransportError
-from muro_zenoh.messages import Odometry
+from muro_zenoh.messages import Odometry, StopOrder
 from muro_zenoh.transport import Bus, open_bus
 from tests.contract.conftest import Zenoh
 from tests.support.process import CHILDREN, Process
@@ -179,3 +179,18 @@ async def test_a_refused_configuration_is_reported() -> None:
 async def _open(endpoint: str) -> None:
     async with open_bus(BusSettings(connect=(endpoint,)), Role.AGENT):
         pass
+
+
+async def test_who_opens_and_closes_what_is_kept_does_not_freeze(shared_router: Router, fleet: Zenoh) -> None:
+    """``undeclare()`` waited for Zenoh's thread, and that for the GIL: a page stood still with a stop in its hands."""
+    bus = await fleet.open()
+    out = bus.publisher(channels.STOP)
+    script = [str(CHILDREN / "kept.py"), shared_router.endpoint, fleet.realm, "1500"]
+    with Process(script, name="kept") as process:
+        process.ready()
+        done = asyncio.create_task(asyncio.to_thread(process.line, "DONE", 30.0))
+        while not done.done():
+            for _ in range(5):
+                out.put(StopOrder(all=False))
+            await asyncio.sleep(0.001)
+        await done

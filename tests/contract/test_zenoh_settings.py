@@ -117,6 +117,29 @@ def test_a_picture_is_dropped_rather_than_waited_for_when_a_receiver_stalls() ->
     assert json.loads(config.get_json("transport/link/tx/queue/size/background")) * 65536 >= 1280 * 720
 
 
+async def test_a_mailbox_that_was_closed_asks_later_writers_nothing(shared_router: Router, bus: Bus) -> None:
+    """Else each stop of a page's would make every later one slower, until Zenoh's thread waits for itself."""
+    asked: list[str] = []
+
+    def note(query: zenoh.Query) -> None:
+        asked.append(str(query.selector))
+        query.drop()
+
+    for _ in range(20):
+        bus.latest(channels.CIRCLE).close()
+    box, roster = bus.latest(channels.CIRCLE), bus.roster()
+    caches = stranger(shared_router.endpoint)
+    caches.declare_queryable(f"{bus.realm}/circle/@adv/**", zenoh.handlers.Callback(note, indirect=False))
+    async with open_bus(shared_router.settings(bus.realm), *ALL_ROLES) as writer:
+        await writer.roster().complete()  # by then the router has the queryable
+        writer.publisher(channels.CIRCLE).put(Circle(x=0.0, y=0.0, radius=0.8))
+        await within(5, box.next(), "the value")
+        await roster.complete()  # by then the router has all questions
+        list(caches.liveliness().get(f"{bus.realm}/none"))  # by then we have them
+    caches.close()
+    assert len(asked) == 1
+
+
 async def test_a_frozen_process_is_missed_once_its_lease_is_over(shared_router: Router, bus: Bus) -> None:
     """Zenoh's own lease is 10 s."""
     roster = bus.roster()

@@ -117,6 +117,7 @@ async def test_a_thousand_double_presses_at_random_moments_do_no_harm(there: Lab
     store = await there.base_station()
     operator = Operator(there)
     first, resumes = store.stop.revision, 0
+    there.operator.roster().close()  # the first one declares the watch of tokens, which stays
     declared = len(there.operator._open)
     for k in range(1000):
         await operator.press("  ", rng.choice([0.0, 1e-4, 0.01, 0.1]))
@@ -129,7 +130,8 @@ async def test_a_thousand_double_presses_at_random_moments_do_no_harm(there: Lab
     await asyncio.sleep(4.0)
     assert stopped(agents) == {"r1", "r2", "r3"}
     assert store.stop.all
-    assert store.stop.revision <= first + 2002 + resumes + 3  # one for each order, and what was adopted
+    # One for each order; and the first stop after a resume may be adopted from a robot before its order is there.
+    assert store.stop.revision <= first + 2002 + 2 * resumes + 3
     assert operator.shown[-1].splitlines()[-1] == "3 of 3 robots stopped"
     assert len(there.operator._open) == declared
     await operator.press("ry", 1.0)

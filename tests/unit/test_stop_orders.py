@@ -302,6 +302,7 @@ async def test_wheels_that_turn_again_are_not_at_rest(there: Lab) -> None:
 async def test_a_stop_leaves_nothing_on_the_bus(there: Lab) -> None:
     await there.agents("r1")
     await there.base_station()
+    there.operator.roster().close()  # the first one declares the watch of tokens, which stays
     before = len(there.operator._open)
     await stop_robots(there.operator, ())
     await resume_robots(there.operator, ())
