@@ -18,7 +18,7 @@ from basestation.dashboard.watching import FleetWatch
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import TransportError
-from muro_zenoh.runtime.process import ready, worker_threads
+from muro_zenoh.runtime.process import end_if_blocked, ready, worker_threads
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
@@ -28,6 +28,9 @@ PERIOD: Final = 0.05
 
 _IDLE_PERIOD: Final = 0.5
 """The same while nobody looks: what happens meanwhile is noted [s]."""
+
+_LONGEST_BLOCK: Final = 10.0
+"""A page that stands still for this long takes no stop, and the base station starts another [s]."""
 
 _BIND_TIMEOUT: Final = 1.0
 """How long the page of the base station before may take to leave the port [s]."""
@@ -109,7 +112,8 @@ async def run_dashboard(scenario: Scenario, address: Address, tokens: Tokens) ->
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # it greets at length, and warns of each request that is none
     listening = await _listen(address)
     log.info("the page is at %s", address.url)
-    async with open_bus(scenario.bus, Role.OPERATOR) as bus:
+    async with asyncio.TaskGroup() as tasks, open_bus(scenario.bus, Role.OPERATOR) as bus:
+        tasks.create_task(end_if_blocked(_LONGEST_BLOCK), name="watchdog")
         ready("page")
         await Dashboard(bus, scenario, Access(address, tokens)).run(listening)
 

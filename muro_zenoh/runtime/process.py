@@ -184,6 +184,23 @@ def _end_within(timeout: float) -> None:
         faulthandler.dump_traceback_later(timeout, exit=True)
 
 
+async def end_if_blocked(timeout: float) -> None:
+    """Until this is cancelled, end this process by force when its loop stands still, with exit code 1 and a traceback
+    of every thread. For a process that is started anew when it ends, and would not be missed else.
+
+    Args:
+        timeout: how long it may stand still [s].
+    """
+    try:
+        while True:
+            if _ends_at == math.inf:
+                faulthandler.dump_traceback_later(timeout, exit=True)  # in place of the one before
+            await asyncio.sleep(timeout / 10.0)
+    finally:
+        if _ends_at == math.inf:
+            faulthandler.cancel_dump_traceback_later()
+
+
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
     try:
         import uvloop

@@ -106,6 +106,24 @@ async def test_a_run_serves_a_page_that_comes_back_with_its_base_station() -> No
     assert tokens_in(kept("page-tokens.json")).operator == page.token
 
 
+async def test_a_page_that_stands_still_is_replaced() -> None:
+    """Nobody could stop the fleet with it. Frozen here, where a bug would block it."""
+    with run() as process:
+        page = Page(process)
+        client, reading = await page.open()
+        frozen = page.process(process)
+        frozen.suspend()
+        await asyncio.sleep(11.0)  # longer than its watchdog waits
+        frozen.resume()
+        await client.until(lambda: client.closed, 10.0, "disconnected")
+        await reading
+        client, reading = await page.open()
+        await client.until(lambda: client.states > 5, 10.0, "another page")
+        assert page.process(process).pid != frozen.pid
+        reading.cancel()
+        await client.socket.close()
+
+
 async def test_what_an_operator_breaks_happens_and_is_kept() -> None:
     with run() as process:
         page = Page(process)

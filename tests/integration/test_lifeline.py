@@ -1,4 +1,4 @@
-"""A process exits when its supervisor has ended, whatever its loop does."""
+"""A process exits when its supervisor has ended, or when it stands still, whatever its loop does."""
 
 import os
 import subprocess
@@ -40,3 +40,25 @@ sys.exit(run_process(main, "child"))
             assert child.wait(seconds(15.0)) == code
         finally:
             child.kill()
+
+
+@pytest.mark.parametrize(("body", "code"), [("await asyncio.sleep(1.0)", OK), (BLOCKS, FAILED)])
+def test_a_process_with_a_watchdog_exits_when_its_loop_is_blocked(body: str, code: int) -> None:
+    program = f"""
+import asyncio, sys, time
+from muro_zenoh.runtime.process import end_if_blocked, run_process
+
+async def main():
+    watchdog = asyncio.create_task(end_if_blocked(0.5))
+    await asyncio.sleep(0)
+    {body}
+    watchdog.cancel()
+    await asyncio.wait([watchdog])
+    time.sleep(1.0)  # it is off
+
+sys.exit(run_process(main, "child"))
+"""
+    command = [sys.executable, "-P", "-c", program]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=seconds(15.0), check=False)
+    assert ended.returncode == code, ended.stderr
+    assert ("in main" in ended.stderr) == (code == FAILED), "where it stood still"
