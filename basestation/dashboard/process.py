@@ -18,7 +18,7 @@ from basestation.dashboard.watching import FleetWatch
 from muro_zenoh.channels import Role
 from muro_zenoh.config import Scenario
 from muro_zenoh.errors import TransportError
-from muro_zenoh.runtime.process import end_if_blocked, ready, worker_threads
+from muro_zenoh.runtime.process import ready, watchdog, worker_threads
 from muro_zenoh.transport import Bus, open_bus
 
 log = logging.getLogger(__name__)
@@ -112,8 +112,7 @@ async def run_dashboard(scenario: Scenario, address: Address, tokens: Tokens) ->
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # it greets at length, and warns of each request that is none
     listening = await _listen(address)
     log.info("the page is at %s", address.url)
-    async with asyncio.TaskGroup() as tasks, open_bus(scenario.bus, Role.OPERATOR) as bus:
-        tasks.create_task(end_if_blocked(_LONGEST_BLOCK), name="watchdog")
+    async with watchdog(_LONGEST_BLOCK), open_bus(scenario.bus, Role.OPERATOR) as bus:
         ready("page")
         await Dashboard(bus, scenario, Access(address, tokens)).run(listening)
 

@@ -207,7 +207,7 @@ STOP = Channel(
     pacing="and on an order",
     priority=Priority.REAL_TIME,
     named="",
-    note="the whole state, never a difference; an operator's stop also goes to the agents directly",
+    note="the whole state, never a difference; an operator's stop also goes to the agents directly, and is not kept",
 )
 LEASE = Channel(
     word="lease",

@@ -19,7 +19,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Any
@@ -184,21 +184,37 @@ def _end_within(timeout: float) -> None:
         faulthandler.dump_traceback_later(timeout, exit=True)
 
 
-async def end_if_blocked(timeout: float) -> None:
-    """Until this is cancelled, end this process by force when its loop stands still, with exit code 1 and a traceback
-    of every thread. For a process that is started anew when it ends, and would not be missed else.
+@contextlib.asynccontextmanager
+async def watchdog(timeout: float) -> AsyncIterator[None]:
+    """During a block, end this process by force when its loop stands still, with exit code 1 and a traceback of every
+    thread. For a process that is started anew when it ends, and whose standstill nobody would notice otherwise.
 
     Args:
         timeout: how long it may stand still [s].
     """
+    feeding = asyncio.create_task(_feed_watchdog(timeout), name="watchdog")
+    try:
+        yield
+    finally:
+        feeding.cancel()
+        await asyncio.wait({feeding})
+
+
+async def _feed_watchdog(timeout: float) -> None:
     try:
         while True:
-            if _ends_at == math.inf:
-                faulthandler.dump_traceback_later(timeout, exit=True)  # in place of the one before
+            # It needs neither the loop nor the GIL. Each call takes the place of the one before.
+            faulthandler.dump_traceback_later(min(timeout, _time_left()), exit=True)
             await asyncio.sleep(timeout / 10.0)
     finally:
-        if _ends_at == math.inf:
-            faulthandler.cancel_dump_traceback_later()
+        faulthandler.cancel_dump_traceback_later()
+        if _ends_at < math.inf:
+            faulthandler.dump_traceback_later(_time_left(), exit=True)
+
+
+def _time_left() -> float:
+    """Until this process is ended by force [s]."""
+    return max(_ends_at - time.monotonic(), 0.001)
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:

@@ -21,7 +21,7 @@ FileToken = Callable[[str, bool], None]
 
 
 class Closable(Protocol):
-    """Something declared on a link, for as long as this is held."""
+    """Something declared on a link."""
 
     def close(self) -> None:
         """Undeclare it; a second time does nothing."""

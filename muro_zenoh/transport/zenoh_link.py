@@ -113,15 +113,18 @@ def _settings(settings: BusSettings) -> dict[str, Any]:
 class _Declared:
     """Something declared on a session. It is undeclared by dropping it, which lets go of the GIL first.
 
-    ``undeclare()`` of ``zenoh.ext``'s does not: Zenoh's thread, which hands us a sample, waits for the GIL and holds a
+    ``zenoh.ext``'s ``undeclare()`` does not: Zenoh's thread, which hands us a sample, waits for the GIL and holds a
     lock for which ``undeclare()`` waits, for ever (decision 4).
     """
 
-    def __init__(self, declared: Any) -> None:
+    def __init__(self, declared: Any, held: set[_Declared]) -> None:
         self._declared = declared
+        self._held = held
+        held.add(self)
 
     def close(self) -> None:
         self._declared = None
+        self._held.discard(self)
 
 
 class _Publisher(_Declared):
@@ -153,7 +156,7 @@ class _Query:
 def _direct(function: Callable[[Any], None]) -> Any:
     """A handler on Zenoh's receive thread: no thread of its own for each subscriber.
 
-    In a pair: with the callback alone Zenoh keeps what is declared until the session is closed, if it is dropped.
+    In a pair: given the callback alone, Zenoh keeps what is declared until the session closes, also when it is dropped.
     """
     return zenoh.handlers.Callback(function, indirect=False), None
 
@@ -224,6 +227,7 @@ class ZenohLink:
     def __init__(self, session: zenoh.Session, *, client: bool) -> None:
         self._session = session
         self._client = client
+        self._held: set[_Declared] = set()
         self._closed = False
 
     @classmethod
@@ -249,6 +253,10 @@ class ZenohLink:
             await asyncio.sleep(pause)
             pause = min(2.0 * pause, _LONGEST_PAUSE)
 
+    def _hold(self, declared: Any) -> _Declared:
+        """It stays declared until it, or this link, is closed, whoever keeps it."""
+        return _Declared(declared, self._held)
+
     def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
         common: dict[str, Any] = {
             "encoding": encoding,
@@ -262,7 +270,7 @@ class ZenohLink:
             )
         else:
             declared = self._session.declare_publisher(key, **common)
-        return _Publisher(declared)
+        return _Publisher(declared, self._held)
 
     def subscribe(self, key_expr: str, file: FileSample, *, encoding: str, keep: bool) -> Closable:
         put = zenoh.SampleKind.PUT
@@ -282,7 +290,7 @@ class ZenohLink:
         handler = _direct(on_sample)
         remote = zenoh.Locality.REMOTE  # what we send ourselves was handed over already
         if keep:
-            return _Declared(
+            return self._hold(
                 zenoh.ext.declare_advanced_subscriber(
                     self._session,
                     key_expr,
@@ -293,38 +301,32 @@ class ZenohLink:
                     history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
                 )
             )
-        return _Declared(self._session.declare_subscriber(key_expr, handler, allowed_origin=remote))
+        return self._hold(self._session.declare_subscriber(key_expr, handler, allowed_origin=remote))
 
     def declare_token(self, key: str) -> Closable:
-        return _Declared(self._session.liveliness().declare_token(key))
+        return self._hold(self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key_expr: str, file: FileToken) -> Closable:
         def on_sample(sample: zenoh.Sample) -> None:
             file(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        return _Declared(self._session.liveliness().declare_subscriber(key_expr, _direct(on_sample), history=True))
+        return self._hold(self._session.liveliness().declare_subscriber(key_expr, _direct(on_sample), history=True))
 
     async def hear_all_tokens(self, key_expr: str, timeout: float) -> bool:
-        # The router answers in order: what our subscriber is to be told of comes before the end of this question.
-        # Its own answers are not used: Zenoh gives them from the caller's thread, perhaps after a token has gone.
-        complete = True
-        answered, post = _from_any_thread()
-
-        def on_reply(reply: zenoh.Reply) -> None:
-            nonlocal complete
-            complete = complete and reply.ok is not None  # else a timeout
-
-        handler = zenoh.handlers.Callback(on_reply, drop=lambda: post(None), indirect=False)
-        self._session.liveliness().get(key_expr, handler, timeout=timeout)
+        # The router answers in order: what our subscriber is to be told of comes before the end of this question. Its
+        # own answers are not used: Zenoh takes them from what the session knows, at any time. They go into a ring and
+        # not to a callback, which would be called with the session locked; the last one is an error after a timeout.
+        replies = self._session.liveliness().get(key_expr, zenoh.handlers.RingChannel(1), timeout=timeout)
+        answered = _in_thread(lambda: all(reply.ok is not None for reply in replies))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout + _OWN_TIMEOUT):
-                await answered
+                complete = await answered
                 # Without its router a client knows of no tokens, and is told at once that these are all.
                 return complete and (not self._client or bool(self._session.info.routers_zid()))
         return False
 
     def answer(self, key: str, file: Callable[[Question], None]) -> Closable:
-        return _Declared(self._session.declare_queryable(key, _direct(lambda query: file(_Query(query)))))
+        return self._hold(self._session.declare_queryable(key, _direct(lambda query: file(_Query(query)))))
 
     async def ask(self, key: str, payload: bytes, encoding: str, timeout: float) -> bytes | None:
         answer: asyncio.Future[bytes | None]

@@ -166,17 +166,6 @@ async def test_a_stop_on_a_dead_connection_is_sent_again_on_the_next(there: Ther
     assert len(base.of("stop")) == 2, "it was confirmed, and is owed no longer"
 
 
-async def test_a_stop_that_nobody_has_is_sent_again_on_the_next_connection(there: There) -> None:
-    """The page's own link to the robots was down, perhaps."""
-    opened, base = there
-    nobody = {"outcome": "unanswered", "reason": "", "receipt": receipt(*NAMES, status="unconfirmed")}
-    base.answers["stop"] = lambda order: nobody
-    await opened.page.keyboard.press("Escape")
-    await opened.page.locator("#receipt.bad", has_text="0 of 2 robots confirmed").wait_for()
-    await base.cut()
-    await base.until(lambda: len(base.of("stop")) == 2, "the stop again")
-
-
 async def test_who_resumes_is_owed_no_stop(there: There) -> None:
     opened, base = there
     base.answers["stop"] = lambda order: {"outcome": "unanswered", "reason": "resumed before every robot had confirmed"}

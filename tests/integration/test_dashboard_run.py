@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+import signal
 import tomllib
 import urllib.request
 from pathlib import Path
@@ -71,6 +72,13 @@ def run(*options: str) -> Process:
     return Process(["-m", "muro_zenoh", "run", "lab.toml", "--headless", "--web", "127.0.0.1:0", *options], name="run")
 
 
+def blocks_on_signal() -> str:
+    """A folder for PYTHONPATH with which every process stands still when it gets SIGUSR1."""
+    code = "import signal, time\nsignal.signal(signal.SIGUSR1, lambda *_: time.sleep(3600.0))\n"
+    Path("sitecustomize.py").write_text(code)
+    return str(Path.cwd())
+
+
 async def test_a_run_serves_a_page_that_comes_back_with_its_base_station() -> None:
     with run() as process:
         page = Page(process)
@@ -106,20 +114,19 @@ async def test_a_run_serves_a_page_that_comes_back_with_its_base_station() -> No
     assert tokens_in(kept("page-tokens.json")).operator == page.token
 
 
-async def test_a_page_that_stands_still_is_replaced() -> None:
-    """Nobody could stop the fleet with it. Frozen here, where a bug would block it."""
+async def test_a_page_that_stands_still_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody could stop the fleet with it."""
+    monkeypatch.setenv("PYTHONPATH", blocks_on_signal())
     with run() as process:
         page = Page(process)
         client, reading = await page.open()
-        frozen = page.process(process)
-        frozen.suspend()
-        await asyncio.sleep(11.0)  # longer than its watchdog waits
-        frozen.resume()
-        await client.until(lambda: client.closed, 10.0, "disconnected")
+        blocked = page.process(process)
+        blocked.send_signal(signal.SIGUSR1)
+        await client.until(lambda: client.closed, 15.0, "disconnected")  # its watchdog waits for 10 s
         await reading
         client, reading = await page.open()
         await client.until(lambda: client.states > 5, 10.0, "another page")
-        assert page.process(process).pid != frozen.pid
+        assert page.process(process).pid != blocked.pid
         reading.cancel()
         await client.socket.close()
 

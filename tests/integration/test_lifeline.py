@@ -42,19 +42,19 @@ sys.exit(run_process(main, "child"))
             child.kill()
 
 
-@pytest.mark.parametrize(("body", "code"), [("await asyncio.sleep(1.0)", OK), (BLOCKS, FAILED)])
+@pytest.mark.parametrize(("body", "code"), [("await asyncio.sleep(2.5 * LIMIT)", OK), (BLOCKS, FAILED)])
 def test_a_process_with_a_watchdog_exits_when_its_loop_is_blocked(body: str, code: int) -> None:
     program = f"""
 import asyncio, sys, time
-from muro_zenoh.runtime.process import end_if_blocked, run_process
+from muro_zenoh.runtime.process import run_process, watchdog
+
+LIMIT = {seconds(0.5)}
 
 async def main():
-    watchdog = asyncio.create_task(end_if_blocked(0.5))
-    await asyncio.sleep(0)
-    {body}
-    watchdog.cancel()
-    await asyncio.wait([watchdog])
-    time.sleep(1.0)  # it is off
+    async with watchdog(LIMIT):
+        await asyncio.sleep(0)
+        {body}
+    time.sleep(2.0 * LIMIT)  # it is off
 
 sys.exit(run_process(main, "child"))
 """

@@ -79,7 +79,7 @@ export class StopDesk {
     const reply = await answer;
     if (asked !== this.#asked.get(key)) return;
     if (!names.length) this.#label("space or Esc");
-    if (reply.outcome === "taken") this.#settle(names); // else neither a robot nor the base station has it
+    if (reply.receipt) this.#settle(names);
     receipt.report(reply, this.#owed.has(key), names.length ? names : [...this.fleet.robots.keys()]);
   }
 
