@@ -190,7 +190,6 @@ async def test_who_opens_and_closes_what_is_kept_does_not_freeze(shared_router: 
         process.ready()
         done = asyncio.create_task(asyncio.to_thread(process.line, "DONE", 30.0))
         while not done.done():
-            for _ in range(5):
-                out.put(StopOrder(all=False))
-            await asyncio.sleep(0.001)
+            out.put(StopOrder(all=False))
+            await asyncio.sleep(0.002)
         await done
