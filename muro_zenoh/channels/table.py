@@ -207,7 +207,7 @@ STOP = Channel(
     pacing="and on an order",
     priority=Priority.REAL_TIME,
     named="",
-    note="the whole state, never a difference; an operator's stop also goes to the agents directly, and is not kept",
+    note="the whole state, never a difference; an operator's goes to the agents directly, too; its sender keeps none",
 )
 LEASE = Channel(
     word="lease",

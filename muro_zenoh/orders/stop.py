@@ -19,10 +19,10 @@ _REPEAT_PERIOD: Final = 0.1
 """A stop is sent at once, and again for half a second: a robot may be connecting just now [s]."""
 
 REPEATED_FOR: Final = _REPEATS * _REPEAT_PERIOD
-"""The time from a stop until it is repeated only while a robot has not confirmed it and nobody has lifted it [s]."""
+"""The time from a stop until it is certain that it is repeated no more [s]."""
 
 _CONFIRMATION_TIMEOUT: Final = 2.5
-"""So much later it is repeated no more. Agents report at once when they latch a stop, and once a second besides [s]."""
+"""Agents report at once when they latch a stop, and once a second besides [s]."""
 
 _STOP_STATE_TIMEOUT: Final = 1.5
 """The base station repeats the stop state twice a second [s]."""
@@ -98,18 +98,9 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
             watch.receipts()  # who is alive now
             watch.order(orders)
         await asyncio.sleep(_REPEAT_PERIOD)
-
-        def confirmed() -> bool:
-            if receipts := watch.receipts():
-                return all(receipt.status is StopStatus.STOPPED for receipt in receipts.values())
-            return asking.done() and asking.exception() is None  # no robot is known, and perhaps nothing is heard
-
-        loop = asyncio.get_running_loop()
-        end = loop.time() + _CONFIRMATION_TIMEOUT
-        while not confirmed() and (left := end - loop.time()) > 0.0:
-            await until(confirmed, min(_REPEAT_PERIOD, left))
-            if not confirmed() and not watch.lifted:
-                watch.order(orders)
+        await until(
+            lambda: all(r.status is StopStatus.STOPPED for r in watch.receipts().values()), _CONFIRMATION_TIMEOUT
+        )
         try:
             reply: Reply | None = await asking
         except MuroError:
@@ -122,14 +113,10 @@ class _Watch:
 
     Attributes:
         sent: when it was begun [s].
-        lifted: whether the base station kept it, and does so no longer.
     """
 
     def __init__(self, bus: Bus, names: tuple[str, ...]) -> None:
         self.sent = bus.clock.now()
-        self.lifted = False
-        self._kept = False
-        self._epoch = bus.epoch
         self._clock = bus.clock
         self._names = names
         self._stop_state = bus.latest(channels.STOP)
@@ -161,11 +148,6 @@ class _Watch:
 
     def receipts(self) -> dict[str, StopReceipt]:
         """What is known by now, by the robot's name."""
-        state = self._stop_state.get()
-        if state is not None and state.message.epoch != self._epoch:  # not our own order
-            holds = state.message.all or not set(self._names).isdisjoint(state.message.names)
-            self._kept = self._kept or holds
-            self.lifted = self._kept and not holds
         alive = self._roster.of("agent")
         self._known.update(alive)  # one that disappears meanwhile has not confirmed, either
         if (seen := self._snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before

@@ -198,6 +198,8 @@ async def watchdog(timeout: float) -> AsyncIterator[None]:
     finally:
         feeding.cancel()
         await asyncio.wait({feeding})
+        if not feeding.cancelled():
+            feeding.result()  # why it was off
 
 
 async def _feed_watchdog(timeout: float) -> None:

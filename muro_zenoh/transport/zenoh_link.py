@@ -254,7 +254,7 @@ class ZenohLink:
             pause = min(2.0 * pause, _LONGEST_PAUSE)
 
     def _hold(self, declared: Any) -> _Declared:
-        """It stays declared until it, or this link, is closed, whoever keeps it."""
+        """It stays declared until it, or this link, is closed, even if the caller drops it."""
         return _Declared(declared, self._held)
 
     def publisher(self, key: str, *, encoding: str, priority: Priority, keep: bool) -> _Publisher:
@@ -314,9 +314,9 @@ class ZenohLink:
 
     async def hear_all_tokens(self, key_expr: str, timeout: float) -> bool:
         # The router answers in order: what our subscriber is to be told of comes before the end of this question. Its
-        # own answers are not used: Zenoh takes them from what the session knows, at any time. They go into a ring and
-        # not to a callback, which would be called with the session locked; the last one is an error after a timeout.
-        replies = self._session.liveliness().get(key_expr, zenoh.handlers.RingChannel(1), timeout=timeout)
+        # own answers are not used: Zenoh takes them from what the session knows, at any time. They go into a channel
+        # and not to a callback, which would be called with the session locked. An error is a timeout.
+        replies = self._session.liveliness().get(key_expr, timeout=timeout)
         answered = _in_thread(lambda: all(reply.ok is not None for reply in replies))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout + _OWN_TIMEOUT):

@@ -73,8 +73,8 @@ def run(*options: str) -> Process:
 
 
 def blocks_on_signal() -> str:
-    """A folder for PYTHONPATH with which every process stands still when it gets SIGUSR1."""
-    code = "import signal, time\nsignal.signal(signal.SIGUSR1, lambda *_: time.sleep(3600.0))\n"
+    """A folder for PYTHONPATH with which a process that gets SIGUSR1 stands still, and keeps the GIL."""
+    code = "import ctypes, signal\nsignal.signal(signal.SIGUSR1, lambda *_: ctypes.PyDLL(None).sleep(3600))\n"
     Path("sitecustomize.py").write_text(code)
     return str(Path.cwd())
 

@@ -42,13 +42,20 @@ sys.exit(run_process(main, "child"))
             child.kill()
 
 
-@pytest.mark.parametrize(("body", "code"), [("await asyncio.sleep(2.5 * LIMIT)", OK), (BLOCKS, FAILED)])
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ("await asyncio.sleep(2.5 * LIMIT)", OK),
+        (BLOCKS, FAILED),
+        ("ctypes.PyDLL(None).sleep(3600)", FAILED),  # which keeps the GIL
+    ],
+)
 def test_a_process_with_a_watchdog_exits_when_its_loop_is_blocked(body: str, code: int) -> None:
     program = f"""
-import asyncio, sys, time
+import asyncio, ctypes, sys, time
 from muro_zenoh.runtime.process import run_process, watchdog
 
-LIMIT = {seconds(0.5)}
+LIMIT = {seconds(1.0)}
 
 async def main():
     async with watchdog(LIMIT):
