@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 
 _PERIOD = channels.HEALTH.period
 
+_BEFORE_THE_FIRST_COMMAND = ("it has just started",)
+
 
 async def report_health(
     bus: Bus,
@@ -53,11 +55,12 @@ async def report_health(
         signals.latencies.clear()
         loop.changed = False
         waiting.note(now, loop.reasons)
+        reasons = loop.reasons if loop.commands else _BEFORE_THE_FIRST_COMMAND
         publisher.put(
             Health(
                 role="agent",
-                state=_state(loop, runner),
-                reasons=loop.reasons,
+                state=_state(loop, runner, reasons),
+                reasons=reasons,
                 note=loop.drive.take_note(),
                 complaints=(*listener.complaints, *clock.complaints()),
                 numbers={
@@ -84,11 +87,11 @@ async def report_health(
         signals.changed.clear()
 
 
-def _state(loop: ControlLoop, runner: BehaviourRunner) -> str:
+def _state(loop: ControlLoop, runner: BehaviourRunner, reasons: tuple[str, ...]) -> str:
     if runner.outcome:
         return runner.outcome
     if loop.latch.stopped:
         return "stopped"
-    if loop.reasons:
+    if reasons:
         return "holding"
     return runner.name.rpartition(":")[2] or "driving"

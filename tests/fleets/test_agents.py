@@ -35,6 +35,7 @@ from muro_zenoh.messages import (
 )
 from muro_zenoh.runtime.virtual_time import run_virtually
 from tests.support.memory_fleet import MemoryFleet, memory_fleet, scenario
+from tests.support.memory_lab import agent, memory_lab
 from tests.support.virtual import virtual
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -244,6 +245,18 @@ async def test_pursuit_holds_while_there_are_no_positions() -> None:
 
 
 # ---- what keeps robots from driving
+
+
+@virtual
+async def test_an_agent_never_reports_that_it_drives_before_it_does() -> None:
+    """Not in its very first report either, which a page may show."""
+    async with memory_lab() as lab:
+        reports = lab.bus.every(channels.HEALTH, "r1")
+        lab.start(scenario(1, "hold"), agent("r1"))
+        await asyncio.sleep(3.0)
+        reasons = [report.message.reasons for report in reports.drain()]
+    assert reasons[0] == ("it has just started",)
+    assert all(reasons)
 
 
 @virtual
