@@ -37,7 +37,7 @@ class Conditions:
     """The state of a link in one direction.
 
     Attributes:
-        delay: least delay of each piece [s].
+        delay: least delay of each piece, to a tick of the loop's clock, which is 1 ms with uvloop [s].
         jitter: the longest of the random, uniform times that are added to it [s].
         passage: what passes.
     """
