@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections import defaultdict
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -16,10 +17,10 @@ from muro_zenoh.transport import Bus, Publisher
 
 _REPEATS: Final = 6
 _REPEAT_PERIOD: Final = 0.1
-"""A stop is sent at once, and again for half a second: a robot may be connecting just now [s]."""
+"""A stop is sent at once, and again for half a second at least: a robot may be connecting just now [s]."""
 
 REPEATED_FOR: Final = _REPEATS * _REPEAT_PERIOD
-"""The time from a stop until it is certain that it is repeated no more [s]."""
+"""The time from a stop until it is repeated no more, if the base station has answered [s]."""
 
 _CONFIRMATION_TIMEOUT: Final = 2.5
 """Agents report at once when they latch a stop, and once a second besides [s]."""
@@ -81,6 +82,8 @@ def send_stop(bus: Bus, names: tuple[str, ...]) -> None:
 async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """Stop robots: directly, base station or not, and by the base station, which keeps the order.
 
+    The order is repeated for :data:`REPEATED_FOR`, and for as long as the base station has not answered, unless the
+    robots have all stopped without one: an operator's own link may be down, and nobody else would give the order.
     Any number of these may run at once, and one may be cancelled at any time: its order is sent before it first waits.
 
     Args:
@@ -90,22 +93,46 @@ async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     with ExitStack() as stack:
         watch = stack.enter_context(closing(_Watch(bus, names)))
         orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
+        record = stack.enter_context(closing(_Record(bus, names)))
         watch.order(orders)
-        asking = asyncio.create_task(bus.ask(channels.STOP_ORDER, Stop(names=names)))
-        stack.callback(asking.cancel)
-        for _ in range(_REPEATS - 1):
+        for count in itertools.count(1):
             await asyncio.sleep(_REPEAT_PERIOD)
-            watch.receipts()  # who is alive now
-            watch.order(orders)
-        await asyncio.sleep(_REPEAT_PERIOD)
-        await until(
-            lambda: all(r.status is StopStatus.STOPPED for r in watch.receipts().values()), _CONFIRMATION_TIMEOUT
-        )
+            robots, reply = watch.receipts(), record.reply()
+            if count >= _REPEATS:
+                stopped = all(receipt.status is StopStatus.STOPPED for receipt in robots.values())
+                known = reply is not None or (robots and not watch.hears_basestation)
+                if (stopped and known) or count * _REPEAT_PERIOD >= REPEATED_FOR + _CONFIRMATION_TIMEOUT:
+                    break
+            if count < _REPEATS or reply is None:
+                watch.order(orders)
+        return StopResult(watch.sent, reply, robots, watch.known)
+
+
+class _Record:
+    """Has the base station keep a stop: asks it until it answers."""
+
+    def __init__(self, bus: Bus, names: tuple[str, ...]) -> None:
+        self._bus = bus
+        self._stop = Stop(names=names)
+        self._asking = asyncio.create_task(self._ask())
+
+    def reply(self) -> Reply | None:
+        """The base station's; None when it has not answered yet: then it is asked again."""
+        if not self._asking.done():
+            return None
+        if (reply := self._asking.result()) is None:
+            self._asking = asyncio.create_task(self._ask())
+        return reply
+
+    def close(self) -> None:
+        """Ask no more."""
+        self._asking.cancel()
+
+    async def _ask(self) -> Reply | None:
         try:
-            reply: Reply | None = await asking
+            return await self._bus.ask(channels.STOP_ORDER, self._stop)
         except MuroError:
-            reply = None
-        return StopResult(watch.sent, reply, watch.receipts(), watch.known)
+            return None
 
 
 class _Watch:
@@ -127,6 +154,11 @@ class _Watch:
         self._robots: defaultdict[str, RobotWatch] = defaultdict(lambda: RobotWatch(self.sent))
         self._addressed = set(names)
         self._known: set[str] = set()
+
+    @property
+    def hears_basestation(self) -> bool:
+        """Whether there is a base station."""
+        return bool(self._roster.of("basestation"))
 
     @property
     def known(self) -> tuple[str, ...]:

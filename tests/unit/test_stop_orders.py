@@ -28,7 +28,8 @@ from muro_zenoh.orders.receipt import StopStatus
 from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.safety.stop import StopLatch
-from muro_zenoh.transport import Bus, MemoryNetwork, Publisher, make_bus
+from muro_zenoh.transport import Bus, Every, MemoryNetwork, Publisher, make_bus
+from muro_zenoh.transport.memory_faults import Cut
 
 LAB = parse_scenario({"robots": 3, "behaviour": {"name": "circle"}}, "lab.toml", name="lab")
 
@@ -165,14 +166,73 @@ def statuses(result: StopResult) -> dict[str, StopStatus]:
 # ---- what is sent
 
 
+def sent_by(sent: Every[StopOrder], operator: Bus) -> list[StopOrder]:
+    """The stops that an operator sent, and not the base station."""
+    return [order.message for order in sent.drain() if order.message.epoch == operator.epoch]
+
+
 @virtual
 async def test_a_stop_is_sent_at_once_and_for_half_a_second_again(there: Lab) -> None:
+    await there.agents("r1", deaf="r1")
+    await there.base_station()
     sent = there.observer.every(channels.STOP)
     began = there.clock.now()
     await stop_robots(there.operator, ())
-    orders = sent.drain()
-    assert [order.message.stamp - began for order in orders] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
-    assert all(order.message.all for order in orders)
+    orders = sent_by(sent, there.operator)
+    assert [order.stamp - began for order in orders] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    assert all(order.all for order in orders)
+
+
+@virtual
+async def test_a_stop_is_repeated_until_the_base_station_has_it(there: Lab) -> None:
+    """The operator's own link is down for longer than half a second."""
+    agents = await there.agents("r1", "r2")
+    store = await there.base_station()
+    sent, cut = there.observer.every(channels.STOP), Cut()
+    there.operator._link.begin(cut)  # type: ignore[attr-defined]
+    stopping = asyncio.create_task(stop_robots(there.operator, ("r1",)))
+    await asyncio.sleep(2.0)
+    assert not sent_by(sent, there.operator)
+    there.operator._link.end(cut)  # type: ignore[attr-defined]
+    await asyncio.sleep(0.15)
+    assert agents["r1"].latch.stopped
+    result = await stopping
+    assert (statuses(result), result.confirmed) == ({"r1": StopStatus.STOPPED}, True)
+    assert result.reply is not None
+    assert store.stop.names == ("r1",)
+    assert len(sent_by(sent, there.operator)) <= 2
+
+
+@virtual
+async def test_a_stop_that_no_base_station_answers_is_repeated_as_long_as_it_is_waited_for(there: Lab) -> None:
+    await there.agents("r1", deaf="r1")
+    sent = there.observer.every(channels.STOP)
+    began = there.clock.now()
+    await stop_robots(there.operator, ())
+    assert [order.stamp - began for order in sent_by(sent, there.operator)] == pytest.approx(
+        [0.1 * count for count in range(31)]
+    )
+
+
+@virtual
+async def test_without_a_base_station_a_stop_ends_when_all_robots_have_stopped(there: Lab) -> None:
+    await there.agents("r1", "r2")
+    began = there.clock.now()
+    assert (await stop_robots(there.operator, ())).confirmed
+    assert there.clock.now() - began == pytest.approx(0.6)
+
+
+@virtual
+async def test_a_resume_is_not_undone_by_a_stop_that_the_base_station_has_answered(there: Lab) -> None:
+    """Also while another robot has not confirmed the stop yet, and while that is asked to stop again."""
+    agents = await there.agents("r1", "r2", deaf="r2")
+    store = await there.base_station()
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(0.7)
+    assert (await resume_robots(await there.join(Role.OPERATOR), ("r1",))).reply.accepted
+    await stopping
+    await asyncio.sleep(1.0)
+    assert (agents["r1"].latch.may_drive, store.stop.names) == (True, ("r2", "r3"))
 
 
 @virtual
@@ -214,7 +274,6 @@ def test_a_stop_is_the_whole_state_with_what_was_stopped_before(
             sent.drain()  # what was kept
             await stop_robots(there.operator, names)
             orders = [order.message for order in sent.drain()]
-            assert len(orders) == 6
             assert {(order.all, order.names, order.revision) for order in orders} == {expected}
 
     run_virtually(run())
