@@ -23,7 +23,7 @@ from muro_zenoh.cli.main import main
 from muro_zenoh.config import BusSettings, parse_scenario
 from muro_zenoh.errors import NoReply
 from muro_zenoh.geometry import Pose2
-from muro_zenoh.messages import Health, Odometry, Reply, Resume, StopOrder
+from muro_zenoh.messages import Health, Odometry, Reply, Resume, Stop, StopOrder
 from muro_zenoh.orders.receipt import StopStatus
 from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
@@ -190,16 +190,16 @@ async def test_a_stop_is_repeated_until_the_base_station_has_it(there: Lab) -> N
     store = await there.base_station()
     sent, cut = there.observer.every(channels.STOP), Cut()
     there.operator._link.begin(cut)  # type: ignore[attr-defined]
-    stopping = asyncio.create_task(stop_robots(there.operator, ("r1",)))
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
     await asyncio.sleep(2.0)
     assert not sent_by(sent, there.operator)
     there.operator._link.end(cut)  # type: ignore[attr-defined]
     await asyncio.sleep(0.15)
-    assert agents["r1"].latch.stopped
+    assert all(agent.latch.stopped for agent in agents.values())
     result = await stopping
-    assert (statuses(result), result.confirmed) == ({"r1": StopStatus.STOPPED}, True)
+    assert (statuses(result), result.confirmed) == (dict.fromkeys(agents, StopStatus.STOPPED), True)
     assert result.reply is not None
-    assert store.stop.names == ("r1",)
+    assert store.stop.all
     assert len(sent_by(sent, there.operator)) <= 2
 
 
@@ -212,6 +212,21 @@ async def test_a_stop_that_no_base_station_answers_is_repeated_as_long_as_it_is_
     assert [order.stamp - began for order in sent_by(sent, there.operator)] == pytest.approx(
         [0.1 * count for count in range(31)]
     )
+
+
+@virtual
+async def test_a_base_station_that_is_slow_to_answer_is_waited_for_though_all_robots_have_stopped(there: Lab) -> None:
+    async def answer(stop: Stop) -> Reply:
+        await asyncio.sleep(0.8)
+        return Reply(accepted=True)
+
+    await there.agents("r1")
+    base = await there.join(Role.BASESTATION)
+    base.announce(Role.BASESTATION, "basestation")
+    base.answer(channels.STOP_ORDER, answer)
+    result = await stop_robots(there.operator, ())
+    assert result.reply is not None
+    assert result.confirmed
 
 
 @virtual
