@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
+import logging
 from collections import defaultdict
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -13,14 +13,16 @@ from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, NoReply
 from muro_zenoh.messages import MOST_NAMES, Reply, Resume, Stop, StopOrder
 from muro_zenoh.orders.receipt import RobotWatch, StopReceipt, StopStatus
-from muro_zenoh.transport import Bus, Publisher
+from muro_zenoh.transport import Bus
+
+log = logging.getLogger(__name__)
 
 _REPEATS: Final = 6
 _REPEAT_PERIOD: Final = 0.1
-"""A stop is sent at once, and again for half a second at least: a robot may be connecting just now [s]."""
+"""A stop is sent at once, and again for half a second: a robot may be connecting just now [s]."""
 
 REPEATED_FOR: Final = _REPEATS * _REPEAT_PERIOD
-"""The time from a stop until it is repeated no more, if the base station has answered [s]."""
+"""The time until a stop that has arrived is certain to be repeated no more [s]."""
 
 _CONFIRMATION_TIMEOUT: Final = 2.5
 """Agents report at once when they latch a stop, and once a second besides [s]."""
@@ -82,103 +84,96 @@ def send_stop(bus: Bus, names: tuple[str, ...]) -> None:
 async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
     """Stop robots: directly, base station or not, and by the base station, which keeps the order.
 
-    The order is repeated for :data:`REPEATED_FOR`, and for as long as the base station has not answered, unless the
-    robots have all stopped without one: an operator's own link may be down, and nobody else would give the order.
-    Any number of these may run at once, and one may be cancelled at any time: its order is sent before it first waits.
+    Repeated until the first word that it has arrived anywhere, since the operator's own link may be down, and for half
+    a second from there. Not until everybody has confirmed it: that would undo the resume of one robot while another is
+    silent. Any number of these may run at once, and one may be cancelled at any time: its order is sent before it first
+    waits.
 
     Args:
         bus: the bus.
         names: which; none for all.
     """
-    with ExitStack() as stack:
-        watch = stack.enter_context(closing(_Watch(bus, names)))
-        orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
-        record = stack.enter_context(closing(_Record(bus, names)))
-        watch.order(orders)
-        for count in itertools.count(1):
+    loop = asyncio.get_running_loop()
+    end = loop.time() + REPEATED_FOR + _CONFIRMATION_TIMEOUT
+    with closing(_Stopping(bus, names)) as stopping:
+        stopping.send()
+        repeats = 0
+        while True:
             await asyncio.sleep(_REPEAT_PERIOD)
-            robots, reply = watch.receipts(), record.reply()
-            if count >= _REPEATS:
-                stopped = all(receipt.status is StopStatus.STOPPED for receipt in robots.values())
-                known = reply is not None or (robots and not watch.hears_basestation)
-                if (stopped and known) or count * _REPEAT_PERIOD >= REPEATED_FOR + _CONFIRMATION_TIMEOUT:
-                    break
-            if count < _REPEATS or reply is None:
-                watch.order(orders)
-        return StopResult(watch.sent, reply, robots, watch.known)
+            repeats += stopping.has_arrived()
+            if repeats == _REPEATS or loop.time() >= end:
+                break
+            stopping.send()
+        await until(stopping.is_settled, end - loop.time())
+        return stopping.result()
 
 
-class _Record:
-    """Has the base station keep a stop: asks it until it answers."""
+class _Stopping:
+    """Sends a stop, and watches what the robots and the base station do."""
 
     def __init__(self, bus: Bus, names: tuple[str, ...]) -> None:
         self._bus = bus
-        self._stop = Stop(names=names)
-        self._asking = asyncio.create_task(self._ask())
-
-    def reply(self) -> Reply | None:
-        """The base station's; None when it has not answered yet: then it is asked again."""
-        if not self._asking.done():
-            return None
-        if (reply := self._asking.result()) is None:
-            self._asking = asyncio.create_task(self._ask())
-        return reply
-
-    def close(self) -> None:
-        """Ask no more."""
-        self._asking.cancel()
-
-    async def _ask(self) -> Reply | None:
-        try:
-            return await self._bus.ask(channels.STOP_ORDER, self._stop)
-        except MuroError:
-            return None
-
-
-class _Watch:
-    """Sends a stop, and watches what the robots do.
-
-    Attributes:
-        sent: when it was begun [s].
-    """
-
-    def __init__(self, bus: Bus, names: tuple[str, ...]) -> None:
-        self.sent = bus.clock.now()
-        self._clock = bus.clock
         self._names = names
+        self._sent = bus.clock.now()
+        self._orders = bus.publisher(channels.STOP, keep=False)
+        self._asking = asyncio.create_task(self._ask())
+        self._arrived = False
         self._stop_state = bus.latest(channels.STOP)
         self._health = bus.latest(channels.HEALTH, "*")
         self._odometry = bus.every(channels.ODOMETRY, "*", depth=4096)
         self._snapshot = bus.latest(channels.ALL_POSITIONS)
         self._roster = bus.roster()
-        self._robots: defaultdict[str, RobotWatch] = defaultdict(lambda: RobotWatch(self.sent))
+        self._robots: defaultdict[str, RobotWatch] = defaultdict(lambda: RobotWatch(self._sent))
         self._addressed = set(names)
         self._known: set[str] = set()
 
-    @property
-    def hears_basestation(self) -> bool:
-        """Whether there is a base station."""
-        return bool(self._roster.of("basestation"))
-
-    @property
-    def known(self) -> tuple[str, ...]:
-        """The robots whose agents are or were alive, or that the cameras have seen."""
-        return tuple(sorted(self._known))
-
     def close(self) -> None:
-        """Listen no more."""
-        for box in (self._stop_state, self._health, self._odometry, self._snapshot, self._roster):
+        """Listen and ask no more."""
+        for box in (self._stop_state, self._health, self._odometry, self._snapshot, self._roster, self._orders):
             box.close()
+        self._asking.cancel()
 
-    def order(self, orders: Publisher[StopOrder]) -> None:
-        """Send the stop. It is the whole state: a robot that was stopped before stays stopped. Any revision stops."""
+    def send(self) -> None:
+        """Send the stop. It is the whole state: a robot that was stopped before stays stopped. Any revision stops.
+
+        The base station is asked besides, and asked again when nobody answered.
+        """
         known = self._stop_state.get()
         before = known.message if known is not None else StopOrder(all=False)
         names = tuple(sorted({*before.names, *self._names}))
         everybody = before.all or not self._names or len(names) > MOST_NAMES
-        orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))
+        self._orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))
+        if self._asking.done() and self._asking.result() is None:
+            self._asking = asyncio.create_task(self._ask())
 
-    def receipts(self) -> dict[str, StopReceipt]:
+    def has_arrived(self) -> bool:
+        """Whether there was a word that the stop has arrived: a robot has latched it, or the base station answered."""
+        latched = any(receipt.latched is not None for receipt in self._receipts().values())
+        self._arrived |= latched or self._reply() is not None
+        return self._arrived
+
+    def is_settled(self) -> bool:
+        """Whether every robot has stopped, and the base station has answered, or nobody has in time."""
+        stopped = all(receipt.status is StopStatus.STOPPED for receipt in self._receipts().values())
+        return stopped and self._asking.done()
+
+    def result(self) -> StopResult:
+        """What came of it by now, with the robots whose agents are or were alive, or that the cameras have seen."""
+        return StopResult(self._sent, self._reply(), self._receipts(), tuple(sorted(self._known)))
+
+    async def _ask(self) -> Reply | None:
+        try:
+            return await self._bus.ask(channels.STOP_ORDER, Stop(names=self._names))
+        except MuroError:
+            return None
+        except Exception:  # whatever it is: the robots are sent the stop all the same
+            log.exception("the base station cannot be asked to keep a stop")
+            return None
+
+    def _reply(self) -> Reply | None:
+        return self._asking.result() if self._asking.done() else None
+
+    def _receipts(self) -> dict[str, StopReceipt]:
         """What is known by now, by the robot's name."""
         alive = self._roster.of("agent")
         self._known.update(alive)  # one that disappears meanwhile has not confirmed, either
@@ -188,7 +183,7 @@ class _Watch:
             self._addressed |= self._known
         for odometry in self._odometry.drain():
             self._robots[odometry.name].take_odometry(odometry)
-        now = self._clock.now()
+        now = self._bus.clock.now()
         found = {}
         for name in sorted(self._addressed):
             robot = self._robots[name]
