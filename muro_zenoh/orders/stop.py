@@ -116,7 +116,7 @@ class _Stopping:
         self._names = names
         self._sent = bus.clock.now()
         self._orders = bus.publisher(channels.STOP, keep=False)
-        self._asking = asyncio.create_task(self._ask())
+        self._asking = self._begin_asking()
         self._arrived = False
         self._stop_state = bus.latest(channels.STOP)
         self._health = bus.latest(channels.HEALTH, "*")
@@ -144,7 +144,7 @@ class _Stopping:
         everybody = before.all or not self._names or len(names) > MOST_NAMES
         self._orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))
         if self._asking.done() and self._asking.result() is None:
-            self._asking = asyncio.create_task(self._ask())
+            self._asking = self._begin_asking()
 
     def has_arrived(self) -> bool:
         """Whether there was a word that the stop has arrived: a robot has latched it, or the base station answered."""
@@ -160,6 +160,9 @@ class _Stopping:
     def result(self) -> StopResult:
         """What came of it by now, with the robots whose agents are or were alive, or that the cameras have seen."""
         return StopResult(self._sent, self._reply(), self._receipts(), tuple(sorted(self._known)))
+
+    def _begin_asking(self) -> asyncio.Task[Reply | None]:
+        return asyncio.create_task(self._ask(), name="ask for a stop")
 
     async def _ask(self) -> Reply | None:
         try:

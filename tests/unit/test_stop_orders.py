@@ -258,12 +258,16 @@ async def test_a_base_station_whose_disk_is_slow_is_asked_once(there: Lab) -> No
         await asyncio.sleep(5.0)
         return Reply(accepted=True)
 
-    await there.agents("r1", "r2", deaf="r2")
+    agents = await there.agents("r1", "r2", deaf="r2")
     base = await there.join(Role.BASESTATION)
     base.announce(Role.BASESTATION, "basestation")
     base.answer(channels.STOP_ORDER, answer)
     sent = there.observer.every(channels.STOP)
-    result = await stop_robots(there.operator, ())
+    stopping = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(0.25)
+    agents["r1"].deaf = True
+    agents["r1"].report(stop_latched=False)  # it had arrived all the same
+    result = await stopping
     assert (result.reply, len(asked), len(sent_by(sent, there.operator))) == (None, 1, 6)
 
 
@@ -324,6 +328,12 @@ async def test_a_base_station_that_is_slow_to_answer_is_waited_for_though_all_ro
     result = await stop_robots(there.operator, ())
     assert result.reply is not None
     assert result.confirmed
+    cancelled = asyncio.create_task(stop_robots(there.operator, ()))
+    await asyncio.sleep(0.3)
+    cancelled.cancel()
+    await asyncio.wait({cancelled})
+    await asyncio.sleep(0)
+    assert "ask for a stop" not in {task.get_name() for task in asyncio.all_tasks()}
 
 
 @virtual
