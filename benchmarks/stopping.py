@@ -51,6 +51,10 @@ name = "circle"
 """
 
 
+class StationaryError(RuntimeError):
+    """A robot did not drive when it was to be stopped: no fault of what stops it, but nothing to measure, either."""
+
+
 class Case(NamedTuple):
     """A process, by its role, and what befalls it."""
 
@@ -117,6 +121,7 @@ def measure(cases: Sequence[Case], folder: Path) -> list[Time]:
         The times of each.
 
     Raises:
+        StationaryError: a robot did not drive at the beginning of a case.
         RuntimeError: the run broke off, or a case went wrong; with the reason.
     """
     file, report = folder / "stopping.toml", folder / "report.json"
@@ -173,7 +178,7 @@ def _time(number: int, case: Case, fault: Mapping[str, Any], turns: Mapping[str,
         before = [turn for turn in turns[name] if turn.t < begin]
         after = [turn for turn in turns[name] if begin <= turn.t < begin + APART]
         if not before or not before[-1].turn:
-            raise RuntimeError(f"{what} was stationary before it, expected it to drive")
+            raise StationaryError(f"{what} was stationary before it, expected it to drive")
         if not after:
             raise RuntimeError(f"{what} did not stop")
         if any(turn.turn for turn in after if turn.t < begin + lasts):

@@ -40,10 +40,13 @@ async def polite(robot):
         robot.drive(0.2, 0.0)
 
 async def blocked(robot):
-    for _ in range(20):
+    driven = 0
+    async for _ in robot.estimates():
         robot.drive(0.2, 0.0)
-        await asyncio.sleep(0.01)
-    time.sleep(3600)
+        driven += 1
+        if driven == 20:
+            print("BLOCKED", flush=True)
+            time.sleep(3600)
 """
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-5)
@@ -113,7 +116,7 @@ async def test_an_agent_ends_and_its_last_command_is_zero(behaviour: str, code: 
 @pytest.mark.slow
 async def test_an_agent_whose_behaviour_blocks_its_loop_ends_and_says_where(tmp_path: Path) -> None:
     async with driving_agent(tmp_path, "blocked") as (agent, _):
-        await asyncio.sleep(0.5)
+        agent.line("BLOCKED")
         agent.send(signal.SIGTERM)
         await _until_it_ends(agent, 12)
         assert agent.wait() == FAILED

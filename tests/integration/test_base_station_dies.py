@@ -9,7 +9,8 @@ import pytest
 
 from muro_zenoh import channels
 from muro_zenoh.geometry import Circle
-from muro_zenoh.messages import SetBehaviour, SetCircle, Stop
+from muro_zenoh.messages import Odometry, SetBehaviour, SetCircle, Stop
+from muro_zenoh.transport import Received
 from tests.support.fleet import RealFleet, real_fleet
 
 pytestmark = pytest.mark.slow
@@ -34,6 +35,7 @@ async def test_the_base_station_is_killed_and_restarted(tmp_path: Path) -> None:
 
 async def _who_drives_is_stopped_by_the_age_of_the_poses(fleet: RealFleet) -> None:
     fleet.commands(), fleet.wheels()
+    await fleet.until(lambda: fleet.driving("r1", "r2"), 5, "they drive")
     killed = fleet.kill("basestation")
     await fleet.until(
         lambda: fleet.holds("r1", "no pose for") and fleet.holds("r2", "no pose for"), 5, "they report the reason"
@@ -50,8 +52,13 @@ async def _who_drives_is_stopped_by_the_age_of_the_poses(fleet: RealFleet) -> No
         assert max(stamps) < 0.6, f"{name} was commanded to drive {max(stamps):.2f} s after the kill"
         assert any(c.message.stamp - killed > 1.0 for c in commands if c.name == name), "zero is commanded, not silence"
     # What the wheels did by the simulator's clock: from 0.15 m/s they stand within the wheels' lag and the braking.
-    late = [w for w in fleet.wheels() if w.message.stamp - killed > 1.6]
-    assert {w.name for w in late} == {"r1", "r2", "r3"}
+    late: list[Received[Odometry]] = []
+
+    def all_have_reported() -> bool:
+        late.extend(w for w in fleet.wheels() if w.message.stamp - killed > 1.6)
+        return {w.name for w in late} == set(fleet.robots)
+
+    await fleet.until(all_have_reported, 5, "odometry of all")
     assert max(abs(w.message.v) for w in late) < 0.005
 
 

@@ -147,7 +147,7 @@ async def test_what_an_operator_breaks_happens_and_is_kept() -> None:
         assert reply["outcome"] == "taken", reply
         await client.until(lambda: client.details("r1").get("state") == "absent", 10.0, "r1 has no agent")
         await client.until(lambda: client.details("r1").get("state") == "holding", 20.0, "it has one again")
-        reply = await client.order("break", kind="camera_dropout", target="camera", duration=30.0)
+        reply = await client.order("break", kind="camera_dropout", target="camera", duration=seconds(30.0))
         assert reply["outcome"] == "taken", reply
         await client.until(lambda: client.details("r2").get("state") == "lost", 15.0, "no camera sees r2")
         reply = await client.order("break", kind="delay", target="r2/agent", numbers={"delay": 0.4})

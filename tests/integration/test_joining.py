@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from tests.support.fleet import RealFleet, real_fleet
-from tests.support.process import Process
+from tests.support.process import Process, muro
 from tests.support.waiting import seconds
 
 RUN = ["-m", "muro_zenoh", "run", "hold", "--robots", "2", "--headless"]
@@ -26,15 +24,8 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def muro(operator: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", "-m", "muro_zenoh", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=seconds(30),
-        check=False,
-        env={**os.environ, "MURO_OPERATOR": operator},
-    )
+def muro_of(operator: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return muro(*arguments, env={"MURO_OPERATOR": operator})
 
 
 async def test_a_run_joins_a_fleet_and_a_second_one_is_refused_until_the_first_is_gone(tmp_path: Path) -> None:
@@ -52,10 +43,10 @@ async def test_a_run_joins_a_fleet_and_a_second_one_is_refused_until_the_first_i
             first.send(signal.SIGKILL)
             killed = time.monotonic()
             second = [*RUN[2:], *there, "--duration", "1"]
-            refused = muro("bob", *second)
+            refused = muro_of("bob", *second)
             if time.monotonic() - killed < 2.0:  # else the machine is busy, and its lease may have ended
                 assert refused.returncode == 1
-        while (joined := muro("bob", *second)).returncode == 1:
+        while (joined := muro_of("bob", *second)).returncode == 1:
             assert time.monotonic() - killed < seconds(10), joined.stdout
         assert joined.returncode == 0, joined.stdout + joined.stderr
         assert {r.message.behaviour for r in fleet.behaviour.values().values()} == {"hold"}
@@ -64,15 +55,15 @@ async def test_a_run_joins_a_fleet_and_a_second_one_is_refused_until_the_first_i
 
 
 async def _others_are_refused(fleet: RealFleet, there: list[str]) -> None:
-    refused = await asyncio.to_thread(muro, "bob", *RUN[2:], *there)
+    refused = await asyncio.to_thread(muro_of, "bob", *RUN[2:], *there)
     assert refused.returncode == 1
     assert re.search(f"^refused: {HELD}$", refused.stdout, re.MULTILINE), refused.stdout + refused.stderr
     for order in (["set", "circle", "--radius", "0.6"], ["goal", "r1", "0.1", "0.1"], ["set", "behaviour", "hold"]):
-        refused = await asyncio.to_thread(muro, "bob", *order, *there)
+        refused = await asyncio.to_thread(muro_of, "bob", *order, *there)
         assert refused.returncode == 1
         assert re.search(HELD, refused.stdout), refused.stdout
-    assert fleet.driving()
-    accepted = await asyncio.to_thread(muro, "alice", "set", "circle", "--radius", "0.75", *there)
+    await fleet.until(fleet.driving, 5, "nobody changed what they do")
+    accepted = await asyncio.to_thread(muro_of, "alice", "set", "circle", "--radius", "0.75", *there)
     assert accepted.returncode == 0, accepted.stdout
 
 
@@ -82,7 +73,7 @@ def test_a_run_of_its_own_holds_its_robots_too() -> None:
         (folder,) = Path("runs").iterdir()
         endpoint = re.findall(r"tcp/127.0.0.1:\d+", (folder / "scenario.json").read_text())[0]
         time.sleep(seconds(0.3))
-        refused = muro("alice", *RUN[2:], "--connect", endpoint)
+        refused = muro_of("alice", *RUN[2:], "--connect", endpoint)
         assert refused.returncode == 1
         assert re.search(f"^refused: {HELD}$", refused.stdout, re.MULTILINE), refused.stdout + refused.stderr
         assert first.running

@@ -169,11 +169,11 @@ async def test_what_waits_when_a_stall_begins_is_kept_too() -> None:
     async with relayed() as (echo, relay, dial):
         reader, writer = await dial()
         await echoed(reader, writer, b"before")
-        both(relay, Conditions(delay=0.03))
+        both(relay, Conditions(delay=0.2))
         writer.write(b"under way")
         await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
         both(relay, Conditions(passage=Passage.STALLED))
-        await asyncio.sleep(0.1)
+        await asyncio.sleep(0.3)
         assert echo.received == b"before"
         relay.set(GOOD, GOOD)
         assert await within(5, reader.readexactly(9), "what was under way") == b"under way"
@@ -184,13 +184,13 @@ async def test_nothing_crosses_a_partition_not_even_what_was_under_way() -> None
     async with relayed() as (echo, relay, dial):
         reader, writer = await dial()
         await echoed(reader, writer, b"before")
-        both(relay, Conditions(delay=0.05))
+        both(relay, Conditions(delay=0.2))
         writer.write(b"under way")
         await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
         both(relay, Conditions(passage=Passage.PARTITIONED))
         writer.write(b"during")
         late_reader, _ = await dial()  # as on a real network, nobody refuses it
-        await asyncio.sleep(0.1)
+        await asyncio.sleep(0.3)
         assert not reader.at_eof(), "neither side is notified"
         assert not late_reader.at_eof()
         relay.set(GOOD, GOOD)

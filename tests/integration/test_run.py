@@ -6,8 +6,6 @@ import json
 import re
 import signal
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -18,10 +16,8 @@ from muro_zenoh.config import find_scenario
 from muro_zenoh.supervision import launch
 from muro_zenoh.supervision.faults import Links
 from muro_zenoh.supervision.supervisor import Supervisor
-from tests.support.process import Process
+from tests.support.process import MURO, Process, muro
 from tests.support.waiting import seconds, within
-
-CLI = ["-m", "muro_zenoh"]
 
 
 @pytest.fixture(autouse=True)
@@ -30,13 +26,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(*arguments: str) -> Process:
-    return Process([*CLI, "run", *arguments, "--headless"], name="muro run")
-
-
-def muro(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", *CLI, *arguments], capture_output=True, text=True, timeout=seconds(20), check=False
-    )
+    return Process([*MURO, "run", *arguments, "--headless"], name="muro run")
 
 
 def children(process: Process) -> list[psutil.Process]:

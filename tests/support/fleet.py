@@ -5,11 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import math
-import os
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -23,7 +21,7 @@ from muro_zenoh.control import ring
 from muro_zenoh.geometry import Circle
 from muro_zenoh.messages import Health, Message, Reply, Truth, VelocityCommand
 from muro_zenoh.transport import Bus, Received, open_bus
-from tests.support.process import Process
+from tests.support.process import MURO, Process, muro
 from tests.support.router import free_port, router_command
 from tests.support.waiting import seconds
 
@@ -61,11 +59,11 @@ class RealFleet:
         basestation = ["basestation", str(self._file), "--state", str(self._state), "--no-web"]
         commands = {
             "router": router_command(self.endpoint),
-            "simulator": ["-m", "muro_zenoh", "sim", str(self._file), "--seed", str(self._seed)],
-            "basestation": ["-m", "muro_zenoh", *basestation],
+            "simulator": [*MURO, "sim", str(self._file), "--seed", str(self._seed)],
+            "basestation": [*MURO, *basestation],
         }
         for name in names:
-            command = commands.get(name) or ["-m", "muro_zenoh", "agent", str(self._file), name]
+            command = commands.get(name) or [*MURO, "agent", str(self._file), name]
             self.process[name] = Process(command, name=name, env=self._env)
         for name in names:
             self.process[name].ready(30.0)
@@ -94,14 +92,7 @@ class RealFleet:
 
     def muro(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """A command of the operator."""
-        return subprocess.run(
-            [sys.executable, "-P", "-m", "muro_zenoh", *arguments, "--connect", self.endpoint],
-            capture_output=True,
-            text=True,
-            timeout=seconds(30),
-            check=False,
-            env={**os.environ, **self._env},
-        )
+        return muro(*arguments, "--connect", self.endpoint, env=self._env)
 
     # ---- observations
 
@@ -226,8 +217,11 @@ class RealFleet:
         await self.until(even_for_a_while, limit, f"an even ring of {', '.join(names or self.robots)}")
 
     async def ask(self, verb: channels.Verb[Any], order: Message) -> Reply:
-        """Give an order that must be accepted."""
-        reply = await self.bus.ask(verb, order, timeout=seconds(5))
+        """Give an order that must be accepted; one that came when its receiver had just stood still is given again."""
+        for _ in range(3):
+            reply = await self.bus.ask(verb, order, timeout=seconds(5))
+            if reply.accepted or "give it again" not in reply.reason:
+                break
         assert reply.accepted, reply.reason
         return reply
 

@@ -185,9 +185,12 @@ class PageClient:
         return self.ids
 
     async def order(self, order: str, **values: Any) -> dict[str, Any]:
-        """Give an order, and wait for the reply."""
-        number = await self.send(order, **values)
-        await self.until(lambda: number in self.replies or self.closed, 10.0, f"a reply to {order}")
+        """Give an order, and wait for the reply; again where its receiver had just stood still."""
+        for _ in range(3):
+            number = await self.send(order, **values)
+            await self.until(lambda number=number: number in self.replies or self.closed, 10.0, f"a reply to {order}")
+            if "give it again" not in self.replies[number]["reason"]:
+                break
         return self.replies[number]
 
     async def drive(self, name: str, v: float, omega: float) -> int:

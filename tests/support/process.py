@@ -18,7 +18,31 @@ from muro_zenoh.runtime.process import LIFELINE
 from tests.support.waiting import seconds
 
 CHILDREN = Path(__file__).parent / "children"
+MURO = ("-m", "muro_zenoh")
 _LAST_LINES = 40
+_NOT_RECEIVED = ("give it again", "nobody answered")
+"""What an order ends with whose receiver stood still for a while, as any process of a busy machine may."""
+
+
+def muro(*arguments: str, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    """A command of ``muro`` that ends by itself; one that was not received is given again, as it asks for.
+
+    Args:
+        arguments: of the command line.
+        env: variables besides the tests' own.
+    """
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-P", *MURO, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=seconds(30),
+            check=False,
+            env={**os.environ, **(env or {})},
+        )
+        if not any(words in done.stdout + done.stderr for words in _NOT_RECEIVED):
+            break
+    return done
 
 
 class Process:
