@@ -6,19 +6,23 @@ import asyncio
 import itertools
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 import msgpack
 
 from muro_zenoh import channels
 from muro_zenoh.errors import NoReply
 from muro_zenoh.messages import (
+    Message,
     Odometry,
+    Reply,
     SetCircle,
     SpeedReference,
 )
 from muro_zenoh.transport import Bus, Every, Latest
 from tests.support.waiting import seconds, within
 
+Order = TypeVar("Order", bound=Message)
 Box = Latest[SpeedReference] | Every[SpeedReference]
 
 
@@ -82,12 +86,20 @@ async def odometry_linked(put: Callable[[Odometry], object], box: Every[Odometry
             assert probe < 100 * seconds(1), "no message arrived at all"
 
 
-async def answered(bus: Bus) -> None:
-    """Return when the base station's answers reach ``bus``."""
+async def asked(bus: Bus, verb: channels.Verb[Order], order: Order, name: str = "") -> Reply:
+    """The answer to an order; given again where its receiver had just stood still, as any process may, or is not yet
+    known at the sender."""
     async with asyncio.timeout(seconds(5)):
         while True:
             try:
-                await bus.ask(channels.SET_CIRCLE, SetCircle())
-                return
+                reply = await bus.ask(verb, order, name=name, timeout=seconds(1))
             except NoReply:
                 await asyncio.sleep(0.01)
+                continue
+            if "give it again" not in reply.reason:
+                return reply
+
+
+async def answered(bus: Bus) -> None:
+    """Return when the base station's answers reach ``bus``."""
+    await asked(bus, channels.SET_CIRCLE, SetCircle())

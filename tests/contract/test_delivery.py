@@ -97,7 +97,7 @@ async def test_an_inbox_that_nobody_reads_starves_nobody(network: Network) -> No
     for i in range(500):
         out1.put(speed(i))
         out2.put(speed(i))
-        await asyncio.sleep(0)
+        await asyncio.sleep(0.001 if i % 50 == 49 else 0)  # Zenoh drops what is more than it has room for
     assert [(await within(2, box.next(), "the other key")).message.speed for _ in range(500)] == list(range(500))
     await until(lambda: reader.counters["velocity"].dropped == before + 492, "492 dropped of 500, with room for 8")
     assert [got.message.speed for got in unread.drain()] == list(range(492, 500))

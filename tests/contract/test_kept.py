@@ -18,7 +18,7 @@ from muro_zenoh.messages import (
 from muro_zenoh.transport import MemoryNetwork
 from tests.contract.conftest import Network
 from tests.contract.helpers import linked, speed
-from tests.support.waiting import within
+from tests.support.waiting import seconds, within
 
 
 @pytest.mark.parametrize("name", ["r1", "*"])
@@ -142,14 +142,14 @@ async def test_a_writer_may_keep_nothing(network: Network) -> None:
     writer = await network.open()
     there = (await network.open()).latest(channels.CIRCLE)
     passing, keeping = writer.publisher(channels.CIRCLE, keep=False), writer.publisher(channels.CIRCLE)
-    keeping.put(Circle(x=0.0, y=0.0, radius=0.8))
-    passing.put(Circle(x=0.0, y=0.0, radius=0.9))
-    while (await within(3, there.next(), "the second value")).message.radius != 0.9:
-        pass
+    for publisher, radius in ((keeping, 0.8), (passing, 0.9)):  # the second one when the reader is known at the writer
+        publisher.put(Circle(x=0.0, y=0.0, radius=radius))
+        while (await within(3, there.next(), f"the value {radius}")).message.radius != radius:
+            pass
     newcomer = await network.open()
     late = newcomer.every(channels.CIRCLE)
     assert (await within(3, late.next(), "the kept value")).message.radius == 0.8
-    await newcomer.roster().complete()  # by then everything has come that was kept
+    await newcomer.roster().complete(timeout=seconds(2))  # by then everything has come that was kept
     assert not late.drain()
 
 

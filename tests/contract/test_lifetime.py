@@ -212,7 +212,8 @@ from muro_zenoh.transport import open_bus
 async def main():
     async with open_bus(BusSettings(connect=(sys.argv[1],)), Role.OPERATOR) as bus:
         os.kill(int(sys.argv[2]), signal.SIGSTOP)
-        for _ in range(3000):  # fills the way to the router, so that the session cannot say goodbye
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:  # fills the way to the router, so that the session cannot say goodbye
             bus._link._session.put("lab/x", bytes(20_000))
         print("leaving", flush=True)
 

@@ -7,7 +7,7 @@ import asyncio
 from muro_zenoh.channels import Role
 from muro_zenoh.transport import Roster
 from tests.contract.conftest import Network
-from tests.support.waiting import within
+from tests.support.waiting import seconds, within
 
 
 async def test_presence_comes_and_goes(network: Network) -> None:
@@ -32,7 +32,7 @@ async def test_a_complete_roster_has_everybody(network: Network) -> None:
     await within(2, first.roster().until(lambda r: r.alive == fleet), "all of them at the router")
     for bus in (await network.open(), one, other, first):
         roster = bus.roster()
-        await roster.complete()
+        await roster.complete(timeout=seconds(2))
         assert roster.alive == fleet
 
 
@@ -47,7 +47,7 @@ async def test_who_goes_while_a_roster_is_completed_is_gone(network: Network) ->
         await within(2, roster.until(lambda r: len(r.of("agent")) == 20), "all of them")
         closing = asyncio.create_task(leaving.close())
         while not closing.done():
-            await roster.complete()
+            await roster.complete(timeout=seconds(2))
         await within(2, roster.until(lambda r: not r.alive), "the end of all of them")
 
 

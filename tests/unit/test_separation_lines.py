@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from muro_zenoh.estimation.wheel_model import WheelLimits, follow
@@ -95,6 +95,8 @@ class TestPath:
         assert end[1] > 0.005
 
     @given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), st.floats(0.01, 0.6))
+    @example(0.3, -0.0018, 0.6)  # the farthest of 60,000 draws
+    @example(0.0918, -0.0275, 0.15)
     def test_speed_and_distance_are_those_of_the_wheel_model(self, speed: float, target: float, dt: float) -> None:
         limits = WheelLimits()
         after, distance = advance(speed, target, limits.a_max, limits.brake, limits.lag, dt)
@@ -103,8 +105,10 @@ class TestPath:
             to = follow(at, target, limits.a_max, limits.brake, limits.lag, dt / steps)
             at, come = to, come + 0.5 * (at + to) * dt / steps
         assert after == pytest.approx(at, abs=1e-6)
-        # the distance of a change of sign is that of a ramp
-        assert distance == pytest.approx(come, abs=1e-4 if speed * target >= 0.0 else 9e-3)
+        # The distance to a standstill on the way to the other sign is that of a ramp: it errs to the far side.
+        too_far = math.copysign(1.0, speed) * (distance - come)
+        most = 1e-4 if speed * target >= 0.0 else 2e-3 if dt <= 0.15 else 0.05
+        assert -1e-4 <= too_far <= most
 
 
 class TestReach:

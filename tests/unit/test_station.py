@@ -52,8 +52,11 @@ class Lab:
         return await self.stack.enter_async_context(make_bus(self.network.link(), clock=self.bus.clock))
 
     async def ask(self, verb: channels.Verb[T], order: T) -> Reply:
-        """The answer to an order, however long it takes."""
-        return await self.bus.ask(verb, order, timeout=seconds(30))
+        """The answer to an order, however long it takes; given again where the loop had just stood still."""
+        while True:
+            reply = await self.bus.ask(verb, order, timeout=seconds(30))
+            if "give it again" not in reply.reason:
+                return reply
 
     async def agent(self, name: str, **stop: object) -> Bus:
         """An agent that is alive and has reported its health."""

@@ -7,6 +7,7 @@ import signal
 import time
 
 from muro_zenoh.checking.workers import Workers
+from tests.support.waiting import seconds
 
 
 def work(task: str) -> str:
@@ -25,7 +26,7 @@ def work(task: str) -> str:
 def test_what_goes_wrong_is_reported_with_its_task_and_the_rest_is_done() -> None:
     tasks = ["a", "raise", "die", "hang", "interrupt", "b"]
     outcomes = {}
-    with Workers(work, jobs=2, limit=4.0) as workers:
+    with Workers(work, jobs=2, limit=seconds(4.0)) as workers:
         while tasks or workers.busy:
             while tasks and workers.has_room:
                 workers.start(tasks.pop(0))
@@ -37,7 +38,7 @@ def test_what_goes_wrong_is_reported_with_its_task_and_the_rest_is_done() -> Non
         "interrupt": "INTERRUPT",  # Ctrl-C in a terminal reaches every process: it ends the check, not a trial
         "raise": "ValueError: a reason",
         "die": "its process died with exit code -9",
-        "hang": "hangs: not over after 4 s",
+        "hang": f"hangs: not over after {seconds(4.0):g} s",
     }
 
 

@@ -32,7 +32,8 @@ def advance(speed: float, target: float, grow: float, fall: float, lag: float, d
         dt: the time [s].
 
     Returns:
-        The speed after ``dt`` and the distance [m] or angle [rad].
+        The speed after ``dt`` and the distance [m] or angle [rad]. On a change of sign the distance until standstill is
+        that of a ramp, which is too far by up to 0.4 mm in a quarter of 0.35 s, 1.6 mm in 0.15 s.
     """
     distance = 0.0
     if speed * target < 0.0:  # to standstill first
