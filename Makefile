@@ -30,10 +30,10 @@ compiled: $(COMPILED)/.built
 demo: $(VENV)/.for-runs
 	$(BIN)/muro run pursuit
 
-# Tests that compute run side by side; those with processes of their own, whose ages are real, one after the other.
+# Tests that compute run side by side, as do those that mostly wait; fleets of processes, whose ages are real, do not.
 test: $(VENV)/.for-tests
 	$(BIN)/python -m pytest -n auto tests/unit tests/closed_loop tests/fleets
-	$(BIN)/python -m pytest -n 4 tests/contract
+	$(BIN)/python -m pytest -n 4 tests/contract tests/processes
 	$(BIN)/python -m pytest tests/integration tests/browser
 
 test-fast: $(VENV)/.for-tests

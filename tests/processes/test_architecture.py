@@ -107,10 +107,10 @@ def test_there_is_a_recipe_for_everything_that_labs_add() -> None:
 
 @pytest.mark.parametrize("what", ["behaviour", "channel", "setting", "check", "camera"])
 def test_what_the_recipe_adds_is_all_that_it_takes(what: str, copy: Path) -> None:
-    missing = run(copy, "-m", "tests.integration.children.extended", what)
+    missing = run(copy, "-m", "tests.processes.children.extended", what)
     assert missing.returncode != 0, f"a {what} is there without having been added: this proves nothing"
     add(what, copy)
-    result = run(copy, "-m", "tests.integration.children.extended", what)
+    result = run(copy, "-m", "tests.processes.children.extended", what)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
