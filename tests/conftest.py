@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
-from hypothesis.internal.conjecture import providers
 
 # A busy machine is no failure: how long an example takes says more of its neighbours than of the law.
 settings.register_profile("muro", deadline=None, derandomize=False)
@@ -18,10 +17,16 @@ settings.register_profile("muro-ci", deadline=None, derandomize=True)
 
 def without_literals() -> None:
     """Let Hypothesis draw no examples from the literals of the modules that are loaded: another line would change those
-    of all tests, and so would the order of the tests. It has no setting for that."""
-    if hasattr(providers, "_get_local_constants") and hasattr(providers, "_local_constants"):
-        none = providers._local_constants
-        providers._get_local_constants = lambda: none
+    of all tests, and so would the order of the tests. It has no setting for that.
+
+    Raises:
+        AttributeError: Hypothesis has other names for them than the one in constraints.txt.
+    """
+    from hypothesis.internal.conjecture import providers
+
+    none = providers._local_constants
+    assert callable(providers._get_local_constants)
+    providers._get_local_constants = lambda: none
 
 
 # Runs and base stations of tests that are not about the page serve none; a test of it says where.

@@ -11,18 +11,15 @@ from typing import Final, NamedTuple
 
 from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, NoReply
-from muro_zenoh.messages import MOST_NAMES, Reply, Resume, Stop, StopOrder
+from muro_zenoh.messages import MOST_NAMES, Health, Reply, Resume, Stop, StopOrder
 from muro_zenoh.orders.receipt import RobotWatch, StopReceipt, StopStatus
 from muro_zenoh.transport import Bus
 
 log = logging.getLogger(__name__)
 
-_REPEATS: Final = 6
 _REPEAT_PERIOD: Final = 0.1
-"""A stop is sent at once, and again for half a second: a robot may be connecting just now [s]."""
-
-REPEATED_FOR: Final = _REPEATS * _REPEAT_PERIOD
-"""The time until a stop that has arrived is certain to be repeated no more [s]."""
+REPEATED_FOR: Final = 0.6
+"""A stop is sent at once, and again for so long after it has arrived: a robot may be connecting just now [s]."""
 
 _CONFIRMATION_TIMEOUT: Final = 2.5
 """Agents report at once when they latch a stop, and once a second besides [s]."""
@@ -81,103 +78,98 @@ def send_stop(bus: Bus, names: tuple[str, ...]) -> None:
         orders.put(StopOrder(all=not names, names=names))
 
 
-async def stop_robots(bus: Bus, names: tuple[str, ...]) -> StopResult:
+async def stop_robots(bus: Bus, names: tuple[str, ...], arrived: Callable[[], None] | None = None) -> StopResult:
     """Stop robots: directly, base station or not, and by the base station, which keeps the order.
 
-    Repeated until the first word that it has arrived anywhere, since the operator's own link may be down, and for half
-    a second from there. Not until everybody has confirmed it: that would undo the resume of one robot while another is
-    silent. Any number of these may run at once, and one may be cancelled at any time: its order is sent before it first
-    waits.
+    Repeated until the first word that it has arrived anywhere, since the operator's own link may be down, and for
+    :data:`REPEATED_FOR` from there. Not until everybody has confirmed it: that would undo the resume of one robot while
+    another is silent. Any number of these may run at once. One that has arrived may be cancelled without losing it.
 
     Args:
         bus: the bus.
         names: which; none for all.
+        arrived: called at the first word.
     """
     loop = asyncio.get_running_loop()
     end = loop.time() + REPEATED_FOR + _CONFIRMATION_TIMEOUT
+    last, has_arrived = end, False
     with closing(_Stopping(bus, names)) as stopping:
         stopping.send()
-        repeats = 0
         while True:
+            looked = loop.time()
             await asyncio.sleep(_REPEAT_PERIOD)
-            repeats += stopping.has_arrived()
-            if repeats == _REPEATS or loop.time() >= end:
+            if stopping.look() and not has_arrived:
+                # From the last look without it: this process may have stood still since.
+                last, has_arrived = min(end, looked + REPEATED_FOR), True
+                if arrived is not None:
+                    arrived()
+            if loop.time() > last - 0.5 * _REPEAT_PERIOD:
                 break
             stopping.send()
-        await until(stopping.is_settled, end - loop.time())
+
+        def settled() -> bool:
+            stopping.look()
+            return stopping.settled
+
+        await until(settled, end - loop.time())
         return stopping.result()
 
 
 class _Stopping:
-    """Sends a stop, and watches what the robots and the base station do."""
+    """Sends a stop, and watches what the robots and the base station do.
+
+    Attributes:
+        settled: whether every robot has stopped, and the base station has answered, or nobody has in time.
+    """
 
     def __init__(self, bus: Bus, names: tuple[str, ...]) -> None:
         self._bus = bus
         self._names = names
         self._sent = bus.clock.now()
-        self._orders = bus.publisher(channels.STOP, keep=False)
-        self._asking = self._begin_asking()
-        self._arrived = False
-        self._stop_state = bus.latest(channels.STOP)
-        self._health = bus.latest(channels.HEALTH, "*")
-        self._odometry = bus.every(channels.ODOMETRY, "*", depth=4096)
-        self._snapshot = bus.latest(channels.ALL_POSITIONS)
-        self._roster = bus.roster()
         self._robots: defaultdict[str, RobotWatch] = defaultdict(lambda: RobotWatch(self._sent))
         self._addressed = set(names)
         self._known: set[str] = set()
+        self._receipts: dict[str, StopReceipt] = {}
+        with ExitStack() as stack:
+            self._orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
+            self._stop_state = stack.enter_context(closing(bus.latest(channels.STOP)))
+            self._health = stack.enter_context(closing(bus.latest(channels.HEALTH, "*")))
+            self._odometry = stack.enter_context(closing(bus.every(channels.ODOMETRY, "*", depth=4096)))
+            self._snapshot = stack.enter_context(closing(bus.latest(channels.ALL_POSITIONS)))
+            self._roster = stack.enter_context(closing(bus.roster()))
+            self._open = stack.pop_all()
+        self._asking = self._begin_asking()
 
     def close(self) -> None:
         """Listen and ask no more."""
-        for box in (self._stop_state, self._health, self._odometry, self._snapshot, self._roster, self._orders):
-            box.close()
-        self._asking.cancel()
+        self._open.close()
+        if not self._asking.done():
+            self._asking.cancel()
+        elif (error := self._asking.exception()) is not None and not isinstance(error, MuroError):
+            log.error("the base station cannot be asked to keep a stop: %r", error, exc_info=error)
 
     def send(self) -> None:
         """Send the stop. It is the whole state: a robot that was stopped before stays stopped. Any revision stops.
 
-        The base station is asked besides, and asked again when nobody answered.
+        The base station is asked besides, and asked again when nobody has answered.
         """
         known = self._stop_state.get()
-        before = known.message if known is not None else StopOrder(all=False)
+        if known is None or known.age(self._bus.clock.now()) > _STOP_STATE_TIMEOUT:  # a robot may be resumed since
+            before = StopOrder(all=False)
+        else:
+            before = known.message
         names = tuple(sorted({*before.names, *self._names}))
         everybody = before.all or not self._names or len(names) > MOST_NAMES
         self._orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))
-        if self._asking.done() and self._asking.result() is None:
+        if self._asking.done() and self._reply is None:
             self._asking = self._begin_asking()
 
-    def has_arrived(self) -> bool:
-        """Whether there was a word that the stop has arrived: a robot has latched it, or the base station answered."""
-        latched = any(receipt.latched is not None for receipt in self._receipts().values())
-        self._arrived |= latched or self._reply() is not None
-        return self._arrived
+    def look(self) -> bool:
+        """Take what was received since the last look.
 
-    def is_settled(self) -> bool:
-        """Whether every robot has stopped, and the base station has answered, or nobody has in time."""
-        stopped = all(receipt.status is StopStatus.STOPPED for receipt in self._receipts().values())
-        return stopped and self._asking.done()
-
-    def result(self) -> StopResult:
-        """What came of it by now, with the robots whose agents are or were alive, or that the cameras have seen."""
-        return StopResult(self._sent, self._reply(), self._receipts(), tuple(sorted(self._known)))
-
-    def _begin_asking(self) -> asyncio.Task[Reply | None]:
-        return asyncio.create_task(self._ask(), name="ask for a stop")
-
-    async def _ask(self) -> Reply | None:
-        try:
-            return await self._bus.ask(channels.STOP_ORDER, Stop(names=self._names))
-        except MuroError:
-            return None
-        except Exception:  # whatever it is: the robots are sent the stop all the same
-            log.exception("the base station cannot be asked to keep a stop")
-            return None
-
-    def _reply(self) -> Reply | None:
-        return self._asking.result() if self._asking.done() else None
-
-    def _receipts(self) -> dict[str, StopReceipt]:
-        """What is known by now, by the robot's name."""
+        Returns:
+            Whether there is a word that the stop has arrived: of the base station, or of a robot that has received it.
+        """
         alive = self._roster.of("agent")
         self._known.update(alive)  # one that disappears meanwhile has not confirmed, either
         if (seen := self._snapshot.get()) is not None:  # ... nor has a frozen one that disappeared before
@@ -186,14 +178,35 @@ class _Stopping:
             self._addressed |= self._known
         for odometry in self._odometry.drain():
             self._robots[odometry.name].take_odometry(odometry)
-        now = self._bus.clock.now()
-        found = {}
+        now, healths = self._bus.clock.now(), self._health.values()
         for name in sorted(self._addressed):
             robot = self._robots[name]
-            if (health := self._health.get(name)) is not None:
-                robot.take_health(health)
-            found[name] = robot.receipt(now, alive=name in alive, known=name in self._known)
-        return found
+            if name in healths:
+                robot.take_health(healths[name])
+            self._receipts[name] = robot.receipt(now, alive=name in alive, known=name in self._known)
+        return self._reply is not None or any(self._is_received(health.message) for health in healths.values())
+
+    @property
+    def settled(self) -> bool:
+        return self._asking.done() and all(r.status is StopStatus.STOPPED for r in self._receipts.values())
+
+    def result(self) -> StopResult:
+        """What came of it by the last look, with the robots whose agents are or were alive, or that the cameras have
+        seen."""
+        return StopResult(self._sent, self._reply, self._receipts, tuple(sorted(self._known)))
+
+    def _is_received(self, health: Health) -> bool:
+        """Whether an agent has received the stop. Each remembers the names in all orders; one that was stopped before
+        says nothing of others."""
+        return health.stop_all or bool(self._names and set(self._names) <= set(health.stop_names))
+
+    @property
+    def _reply(self) -> Reply | None:
+        answered = self._asking.done() and self._asking.exception() is None
+        return self._asking.result() if answered else None
+
+    def _begin_asking(self) -> asyncio.Task[Reply]:
+        return asyncio.create_task(self._bus.ask(channels.STOP_ORDER, Stop(names=self._names)), name="ask for a stop")
 
 
 async def resume_robots(

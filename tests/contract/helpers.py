@@ -16,11 +16,10 @@ from muro_zenoh.messages import (
     Message,
     Odometry,
     Reply,
-    SetCircle,
     SpeedReference,
 )
 from muro_zenoh.transport import Bus, Every, Latest
-from tests.support.waiting import seconds, within
+from tests.support.waiting import SETTLING, seconds, within
 
 Order = TypeVar("Order", bound=Message)
 Box = Latest[SpeedReference] | Every[SpeedReference]
@@ -87,19 +86,25 @@ async def odometry_linked(put: Callable[[Odometry], object], box: Every[Odometry
 
 
 async def asked(bus: Bus, verb: channels.Verb[Order], order: Order, name: str = "") -> Reply:
-    """The answer to an order; given again where its receiver had just stood still, as any process may, or is not yet
-    known at the sender."""
-    async with asyncio.timeout(seconds(5)):
-        while True:
-            try:
-                reply = await bus.ask(verb, order, name=name, timeout=seconds(1))
-            except NoReply:
-                await asyncio.sleep(0.01)
-                continue
-            if "give it again" not in reply.reason:
-                return reply
+    """The answer to an order; given again where its receiver had just stood still, as any process may."""
+    for _ in range(5):
+        reply = await bus.ask(verb, order, name=name, timeout=seconds(5))
+        if "give it again" not in reply.reason:
+            break
+        await asyncio.sleep(SETTLING)
+    return reply
 
 
 async def answered(bus: Bus) -> None:
     """Return when the base station's answers reach ``bus``."""
-    await asked(bus, channels.SET_CIRCLE, SetCircle())
+    await first_answer(bus, channels.SET_CIRCLE, SetCircle())
+
+
+async def first_answer(bus: Bus, verb: channels.Verb[Order], order: Order, name: str = "") -> Reply:
+    """The answer of one who may not be known at the sender yet."""
+    async with asyncio.timeout(seconds(5)):
+        while True:
+            try:
+                return await asked(bus, verb, order, name)
+            except NoReply:
+                await asyncio.sleep(0.01)

@@ -153,8 +153,8 @@ async def test_without_the_router_zero_comes_over_the_link_and_then_the_router_i
     robot.forget()
     killed = robot.kill("router")
     await robot.until(lambda: robot.speed < 0.005, 5, "the wheels are at zero")
-    # Zero within 0.45 s, and 0.1 s for the wheels to show it.
-    assert _started_to_brake(robot, killed) < seconds(0.55)
+    # By the age of the poses, which is 0.25 s, and not by the dead-man.
+    assert _started_to_brake(robot, killed) < seconds(0.9)
     await asyncio.sleep(1.2)  # longer than any timeout: zero keeps coming
     assert robot.speed < 0.005
     # The agent's zero was there before the dead-man would have acted; without the link the dead-man has to.

@@ -59,7 +59,21 @@ def _frozen(process: Process) -> list[psutil.Process]:
     return started
 
 
-def test_ctrl_c_during_a_freeze_leaves_nothing_and_kills_nobody() -> None:
+def test_ctrl_c_during_a_freeze_leaves_nothing_and_kills_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # One that leaves may be late on a machine that stands still; one that is not woken is killed each time.
+    for attempt in range(2):
+        folder = tmp_path / str(attempt)
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        log = _log_of_an_interrupted_run()
+        if "did not exit" not in log:
+            return
+    pytest.fail(log)
+
+
+def _log_of_an_interrupted_run() -> str:
     with run(*FROZEN) as process:
         started = _frozen(process)
         began = time.monotonic()
@@ -67,11 +81,10 @@ def test_ctrl_c_during_a_freeze_leaves_nothing_and_kills_nobody() -> None:
         assert process.wait(10) == 130
         assert time.monotonic() - began < seconds(5)
         assert all_gone(started)
-    (folder,) = Path("runs").iterdir()
-    # A frozen process that is not woken would be killed. One alone may be late on a machine that stands still.
-    assert (folder / "muro.log").read_text().count("did not exit") <= 1
     faults = json.loads(Path("r.json").read_text())["faults"]
     assert [(f["begin_s"] is not None, f["end_s"], f["note"]) for f in faults] == [(True, None, "")] * len(FROZEN)
+    (folder,) = Path("runs").iterdir()
+    return (folder / "muro.log").read_text()
 
 
 def test_kill_9_of_the_run_during_a_freeze_leaves_nothing() -> None:
@@ -87,7 +100,7 @@ def test_what_breaks_is_shown_logged_and_reported_and_a_killed_process_stays_dea
         {"kind": "crash", "target": "r1/agent", "at": 1.0, "duration": 2.5},
         {"kind": "stall", "target": "r2/agent", "at": 2.0, "duration": 0.5},
     ]
-    with run(*faults, duration=5.0) as process:
+    with run(*faults, duration=7.0) as process:
         process.line("all processes ready")
         assert len(children(process)) == 5
         process.line("fault: crash r1/agent")
@@ -130,18 +143,24 @@ def test_wheels_stop_in_time_and_turn_again_whatever_happens_to_whichever_proces
         Case("camera", "crash"),
     ]
     # A machine that stands still for 0.2 s takes a case beyond its limit, or had the robots wait for pictures when it
-    # began. What breaks the limit itself does so each time.
-    failed: list[str] = []
-    for attempt in range(3):
+    # began. One that has failed has to succeed twice.
+    missing, failed = dict.fromkeys(cases, 1), list[str]()
+    for attempt in range(4):
         folder = tmp_path / str(attempt)
         folder.mkdir()
         try:
-            took = dict(zip(cases, measure(cases, folder), strict=True))
+            times = measure(list(missing), folder)
         except StationaryError as error:
             failed.append(str(error))
             continue
-        cases = [case for case in cases if not 0.0 < took[case].stopped <= LIMITS[case.role]]
-        failed += [f"{case}: {took[case]}" for case in cases]
-        if not cases:
+        for case, took in zip(list(missing), times, strict=True):
+            if not 0.0 < took.stopped <= LIMITS[case.role]:
+                failed.append(f"{case}: {took}")
+                missing[case] = 2
+            elif missing[case] == 1:
+                del missing[case]
+            else:
+                missing[case] -= 1
+        if not missing:
             return
     pytest.fail("\n".join(failed))

@@ -73,6 +73,7 @@ def test_goals_of_a_list_are_reached_and_an_operator_s_are_answered(
         end = time.monotonic() + seconds(5)
         while not (order := muro("goal", "r2", str(x), str(y), *there)).stdout.startswith("r2: accepted"):
             assert time.monotonic() < end, order.stdout + order.stderr
+        assert order.returncode == 0
         order = muro("goal", "r2", "-5", "0.5", *there)
         assert order.returncode == 1
         assert "r2: refused: goal: got (-5, 0.5), outside the arena" in order.stdout

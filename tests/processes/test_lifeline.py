@@ -45,7 +45,7 @@ sys.exit(run_process(main, "child"))
 @pytest.mark.parametrize(
     ("body", "code"),
     [
-        ("await asyncio.sleep(2.5 * LIMIT)", OK),
+        ("await asyncio.sleep(1.5 * LIMIT)", OK),
         (BLOCKS, FAILED),
         ("ctypes.PyDLL(None).sleep(3600)", FAILED),  # which keeps the GIL
     ],
@@ -55,7 +55,7 @@ def test_a_process_with_a_watchdog_exits_when_its_loop_is_blocked(body: str, cod
 import asyncio, ctypes, sys, time
 from muro_zenoh.runtime.process import run_process, watchdog
 
-LIMIT = {seconds(1.0)}
+LIMIT = {seconds(1.5)}
 
 async def main():
     async with watchdog(LIMIT):

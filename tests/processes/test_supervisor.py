@@ -162,7 +162,7 @@ async def test_a_child_that_ignores_sigterm_is_killed(tmp_path: Path) -> None:
         (child,) = await within(10, supervisor.start([dummy("deaf")]), "ready")
         pid = child.pid
         begin = time.monotonic()
-    assert time.monotonic() - begin < seconds(1.5)
+    assert time.monotonic() - begin < seconds(3.0)
     assert pid is not None
     assert gone(pid)
     assert messages == ["dummy did not exit within 0.3 s: killed"]

@@ -23,7 +23,7 @@ from muro_zenoh.messages import Health, Message, Reply, Truth, VelocityCommand
 from muro_zenoh.transport import Bus, Received, open_bus
 from tests.support.process import MURO, Process, muro
 from tests.support.router import free_port, router_command
-from tests.support.waiting import seconds
+from tests.support.waiting import SETTLING, seconds
 
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -220,8 +220,9 @@ class RealFleet:
         """Give an order that must be accepted; one that came when its receiver had just stood still is given again."""
         for _ in range(3):
             reply = await self.bus.ask(verb, order, timeout=seconds(5))
-            if reply.accepted or "give it again" not in reply.reason:
+            if "give it again" not in reply.reason:
                 break
+            await asyncio.sleep(SETTLING)
         assert reply.accepted, reply.reason
         return reply
 

@@ -25,7 +25,7 @@ from muro_zenoh.config import Scenario
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.runtime.virtual_time import InlineExecutor
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
-from tests.support.waiting import seconds
+from tests.support.waiting import SETTLING, seconds
 
 TOKENS = Tokens("look-only", "may-steer")
 
@@ -191,6 +191,7 @@ class PageClient:
             await self.until(lambda number=number: number in self.replies or self.closed, 10.0, f"a reply to {order}")
             if "give it again" not in self.replies[number]["reason"]:
                 break
+            await asyncio.sleep(SETTLING)
         return self.replies[number]
 
     async def drive(self, name: str, v: float, omega: float) -> int:

@@ -25,13 +25,13 @@ _NOT_RECEIVED = ("give it again", "nobody answered")
 
 
 def muro(*arguments: str, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    """A command of ``muro`` that ends by itself; one that was not received is given again, as it asks for.
+    """A command of ``muro`` that ends by itself; an order that was not received is given once more.
 
     Args:
         arguments: of the command line.
         env: variables besides the tests' own.
     """
-    for _ in range(3):
+    for attempt in range(2):
         done = subprocess.run(
             [sys.executable, "-P", *MURO, *arguments],
             capture_output=True,
@@ -40,8 +40,9 @@ def muro(*arguments: str, env: Mapping[str, str] | None = None) -> subprocess.Co
             check=False,
             env={**os.environ, **(env or {})},
         )
-        if not any(words in done.stdout + done.stderr for words in _NOT_RECEIVED):
+        if done.returncode == 0 or not any(words in done.stdout + done.stderr for words in _NOT_RECEIVED):
             break
+        print(f"attempt {attempt}: {' '.join(arguments)}: {done.stdout}{done.stderr}")  # noqa: T201 - for a failure
     return done
 
 

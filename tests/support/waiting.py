@@ -12,6 +12,10 @@ T = TypeVar("T")
 FACTOR: Final = float(os.environ.get("MURO_TEST_TIMEOUT_FACTOR", "1"))
 
 
+SETTLING: Final = 0.6
+"""A process refuses orders for so long after it has stood still [s]."""
+
+
 def seconds(value: float) -> float:
     """A time limit, scaled."""
     return value * FACTOR

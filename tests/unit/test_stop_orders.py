@@ -46,6 +46,8 @@ class Agent:
     """Of its wheels, which brake when it has latched a stop [m/s]."""
     reports: Publisher[Health] = field(init=False)
     latch: StopLatch = StopLatch()
+    names: frozenset[str] = frozenset()
+    """The robots that the orders name that it received."""
 
     def __post_init__(self) -> None:
         self.reports = self.bus.publisher(channels.HEALTH, self.name)
@@ -69,6 +71,7 @@ class Agent:
         said = {
             "stop_latched": latch.stopped,
             "stop_all": latch.all_robots,
+            "stop_names": tuple(sorted(self.names)),
             "stop_revision": max(latch.revision, 0),
             **changed,
         }
@@ -78,9 +81,11 @@ class Agent:
         async for received in self.bus.every(channels.STOP):
             if self.deaf:
                 continue
-            order, before = received.message, self.latch
-            self.latch = before.receive(self.name, all_robots=order.all, names=order.names, revision=order.revision)
-            if self.latch != before:
+            order, before = received.message, (self.latch, self.names)
+            self.latch = self.latch.receive(self.name, all_robots=order.all, names=order.names, revision=order.revision)
+            newer = self.latch.revision > before[0].revision
+            self.names = frozenset(order.names) if newer else self.names.union(order.names)
+            if (self.latch, self.names) != before:
                 self.report()
 
 
@@ -184,12 +189,12 @@ async def test_a_stop_is_sent_at_once_and_for_half_a_second_again(there: Lab) ->
 
 
 @asynccontextmanager
-async def cut_off(operator: Bus) -> AsyncIterator[None]:
+async def cut_off(operator: Bus, direction: str = "both") -> AsyncIterator[None]:
     """While an operator's own link is down."""
     cut = Cut()
-    operator._link.begin(cut)  # type: ignore[attr-defined]
+    operator._link.begin(cut, direction)  # type: ignore[attr-defined]
     yield
-    operator._link.end(cut)  # type: ignore[attr-defined]
+    operator._link.end(cut, direction)  # type: ignore[attr-defined]
 
 
 @virtual
@@ -211,17 +216,19 @@ async def test_a_stop_is_repeated_until_it_has_arrived_and_half_a_second_from_th
 
 
 @virtual
-async def test_a_robot_that_was_stopped_before_is_no_sign_that_a_stop_of_all_has_arrived(there: Lab) -> None:
-    """Its health may come before the link is there for the stop."""
-    agents = await there.agents("r1", "r2")
+async def test_a_robot_that_was_stopped_before_is_no_sign_that_a_stop_of_others_has_arrived(there: Lab) -> None:
+    """What the operator sends is lost; what the robots report arrives."""
+    agents = await there.agents("r1", "r2", "r3")
     await there.base_station()
-    await stop_robots(await there.join(Role.OPERATOR), ("r1",))
-    async with cut_off(there.operator):
-        stopping = asyncio.create_task(stop_robots(there.operator, ()))
-        await asyncio.sleep(1.93)
-    agents["r1"].report()
-    await stopping
-    assert agents["r2"].latch.stopped
+    other = await there.join(Role.OPERATOR)
+    await resume_robots(other, ())
+    await stop_robots(other, ("r1",))
+    for names, stopped in ((("r1", "r2"), {"r1", "r2"}), ((), {"r1", "r2", "r3"})):
+        async with cut_off(there.operator, "out"):
+            stopping = asyncio.create_task(stop_robots(there.operator, names))
+            await asyncio.sleep(1.93)
+        await stopping
+        assert {name for name, agent in agents.items() if agent.latch.stopped} == stopped
 
 
 @pytest.mark.parametrize(("down", "resumed"), [(0.05, 0.8), (0.3, 1.0), (1.2, 1.9)])
@@ -271,15 +278,20 @@ async def test_a_base_station_whose_disk_is_slow_is_asked_once(there: Lab) -> No
     assert (result.reply, len(asked), len(sent_by(sent, there.operator))) == (None, 1, 6)
 
 
+def process_of_an_operator() -> VirtualProcess:
+    """One that can be frozen."""
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualLoop)
+    return VirtualProcess(loop, "operator")
+
+
 @virtual
 async def test_a_stop_of_before_a_freeze_is_not_sent_after_it(there: Lab) -> None:
     """Whoever looks meanwhile may have resumed long since."""
     agents = await there.agents("r1")
     await there.base_station()
     await resume_robots(await there.join(Role.OPERATOR), ())
-    loop = asyncio.get_running_loop()
-    assert isinstance(loop, VirtualLoop)
-    process = VirtualProcess(loop, "operator")
+    process = process_of_an_operator()
     async with cut_off(there.operator):
         stopping = process.create_task(stop_robots(there.operator, ()))
         await asyncio.sleep(0.75)
@@ -289,6 +301,50 @@ async def test_a_stop_of_before_a_freeze_is_not_sent_after_it(there: Lab) -> Non
     assert not (await stopping).confirmed
     await asyncio.sleep(1.0)
     assert agents["r1"].latch.may_drive
+
+
+@pytest.mark.parametrize(("frozen", "resumed", "thawed"), [(0.05, 0.7, 0.9), (0.05, 1.5, 2.5), (0.35, 1.5, 2.9)])
+def test_a_stop_that_arrived_before_a_short_freeze_is_not_sent_after_it(
+    frozen: float, resumed: float, thawed: float
+) -> None:
+    async def run() -> None:
+        async with lab() as there:
+            agents = await there.agents("r1", "r2")
+            store = await there.base_station()
+            process = process_of_an_operator()
+            stopping = process.create_task(stop_robots(there.operator, ()))
+            await asyncio.sleep(frozen)
+            process.freeze()
+            await asyncio.sleep(resumed - frozen)
+            assert (await resume_robots(await there.join(Role.OPERATOR), ())).reply.accepted
+            await asyncio.sleep(max(0.0, thawed - resumed))
+            process.thaw()
+            await stopping
+            await asyncio.sleep(1.0)
+            assert all(agent.latch.may_drive for agent in agents.values())
+            assert not store.stop.all
+
+    run_virtually(run())
+
+
+@virtual
+async def test_a_stop_over_a_link_that_was_down_stops_nobody_who_was_resumed_meanwhile(there: Lab) -> None:
+    """What the operator last knew was stopped is outdated by then."""
+    agents = await there.agents("r1", "r2")
+    store = await there.base_station()
+    other = await there.join(Role.OPERATOR)
+    await resume_robots(other, ())
+    await stop_robots(other, ("r2",))
+    stopping = asyncio.create_task(stop_robots(there.operator, ("r9",)))
+    await asyncio.sleep(0.0)
+    async with cut_off(there.operator):
+        await asyncio.sleep(0.7)
+        assert (await resume_robots(other, ("r2",))).reply.accepted
+        await asyncio.sleep(1.3)
+    await stopping
+    await asyncio.sleep(1.0)
+    assert agents["r2"].latch.may_drive
+    assert "r2" not in store.stop.names
 
 
 @virtual
