@@ -37,12 +37,14 @@ _MOST_IDS: Final = 16
 @dataclass(slots=True)
 class _Confirmation:
     """What waits until robots have confirmed a stop, and the presses that it answers. It has ``begun`` when it was its
-    turn: then its stop is sent anew, and repeated. ``sent`` is when it was sent, infinite when it could not be [s]."""
+    turn: then its stop is sent anew, and repeated until it has arrived, and for a moment from there. ``sent`` is when
+    it was sent, infinite when it could not be; ``arrived`` is when the first word of that came [s]."""
 
     client: Client
     names: tuple[str, ...]
     ids: list[int]
     sent: float
+    arrived: float = math.nan
     begun: bool = False
     task: asyncio.Task[None] | None = None
 
@@ -50,8 +52,9 @@ class _Confirmation:
 class Stops:
     """Stops robots for clients.
 
-    A stop is sent before :meth:`stop` returns. What follows (repetition, the base station's record, the receipt) may be
-    cancelled at any time without losing it: a robot that has latched it reports so, and the base station adopts it.
+    A stop is sent before :meth:`stop` returns. Once it has arrived, what follows (repetition, the base station's
+    record, the receipt) may be cancelled without losing it: a robot that has latched it reports so, and the base
+    station adopts it.
 
     Args:
         bus: the bus, as an operator.
@@ -115,7 +118,7 @@ class Stops:
             Why it may not resume yet; empty when it may.
         """
         own = [one for one in self._about(names) if one.client is client]
-        if any(self._loop.time() - one.sent < REPEATED_FOR for one in own):
+        if any(self._is_repeated(one) for one in own):
             return "a stop was pressed just now, and is still sent: look again, then resume"
         for one in own:
             self._overtake(one)
@@ -154,13 +157,21 @@ class Stops:
         try:
             async with self._places[one.client.right]:
                 one.begun, one.sent = True, self._loop.time()
-                result = _of(await stop_robots(self._bus, one.names))
+                result = _of(await stop_robots(self._bus, one.names, lambda: self._note_arrival(one)))
         except Exception as error:
             log.exception("stop of client %d: no receipt", one.client.number)
             result = {"outcome": "unanswered", "reason": f"it was sent, and nobody confirms it: {error}"}
         self._forget(one)
         self._confirmed()
         self._reply(one, result)
+
+    def _note_arrival(self, one: _Confirmation) -> None:
+        one.arrived = self._loop.time()
+
+    def _is_repeated(self, one: _Confirmation) -> bool:
+        """Whether a stop is still sent, so that a resume would be undone, or the stop lost if it were cancelled."""
+        since = one.arrived if one.begun else one.sent
+        return not self._loop.time() - since >= REPEATED_FOR  # as with no time at all
 
     def _about(self, names: Collection[str]) -> list[_Confirmation]:
         """The confirmations that are about any of these robots; none for all."""

@@ -13,7 +13,7 @@ from muro_zenoh import channels
 from muro_zenoh.errors import MuroError, NoReply
 from muro_zenoh.messages import MOST_NAMES, Health, Reply, Resume, Stop, StopOrder
 from muro_zenoh.orders.receipt import RobotWatch, StopReceipt, StopStatus
-from muro_zenoh.transport import Bus
+from muro_zenoh.transport import Bus, Received
 
 log = logging.getLogger(__name__)
 
@@ -130,6 +130,7 @@ class _Stopping:
         self._addressed = set(names)
         self._known: set[str] = set()
         self._receipts: dict[str, StopReceipt] = {}
+        self._state: Received[StopOrder] | None = None
         with ExitStack() as stack:
             self._orders = stack.enter_context(closing(bus.publisher(channels.STOP, keep=False)))
             self._stop_state = stack.enter_context(closing(bus.latest(channels.STOP)))
@@ -153,11 +154,13 @@ class _Stopping:
 
         The base station is asked besides, and asked again when nobody has answered.
         """
-        known = self._stop_state.get()
-        if known is None or known.age(self._bus.clock.now()) > _STOP_STATE_TIMEOUT:  # a robot may be resumed since
-            before = StopOrder(all=False)
+        heard = self._stop_state.get()
+        if heard is not None and heard.message.epoch != self._bus.epoch:  # what this one sent says nothing
+            self._state = heard
+        if self._state is None or self._state.age(self._bus.clock.now()) > _STOP_STATE_TIMEOUT:
+            before = StopOrder(all=False)  # whoever was stopped may be resumed since
         else:
-            before = known.message
+            before = self._state.message
         names = tuple(sorted({*before.names, *self._names}))
         everybody = before.all or not self._names or len(names) > MOST_NAMES
         self._orders.put(StopOrder(all=everybody, names=names[:MOST_NAMES], revision=before.revision))

@@ -16,6 +16,7 @@ from muro_zenoh.messages import (
     Message,
     Odometry,
     Reply,
+    SetCircle,
     SpeedReference,
 )
 from muro_zenoh.transport import Bus, Every, Latest
