@@ -8,8 +8,6 @@ import mimetypes
 import re
 from typing import Any
 
-import cv2
-import numpy as np
 import pytest
 from playwright.async_api import Browser
 
@@ -51,16 +49,23 @@ async def test_the_floor_does_not_move_while_the_page_opens(browser: Browser) ->
         assert await opened.page.evaluate("window.shown") == 0
 
 
+PAINTED = """places => places.map(([x, y]) => {
+    const [px, py] = window.muro.screenAt(x, y).map(Math.round);
+    const pixel = new OffscreenCanvas(1, 1).getContext("2d");
+    pixel.drawImage(document.querySelector("#floor"), -px, -py);
+    return [...pixel.getImageData(0, 0, 1, 1).data];
+})"""
+
+
 async def test_walls_are_drawn_where_they_are(there: There) -> None:
     opened, base = there
     sides, doorway, beside = ((1.23, -0.9), (1.23, 0.9)), (1.23, 0.3), (1.33, 0.9)
 
     async def painted(*places: tuple[float, float]) -> list[list[int]]:
-        pixels = [await opened.muro(f"screenAt({x}, {y})") for x, y in places]
-        picture = np.frombuffer(await opened.page.locator("#floor").screenshot(), np.uint8)
-        image = cv2.imdecode(picture, cv2.IMREAD_COLOR)
-        return [image[round(y), round(x)].tolist() for x, y in pixels]
+        """By the canvas itself: of a state that is late the page makes it grey."""
+        return list(await opened.page.evaluate(PAINTED, places))
 
+    await opened.until("() => window.muro.times.length > 0")
     (floor,) = await painted(doorway)
     assert await painted(*sides, beside) == [floor] * 3
     base.send(hello(NAMES, walls=((1.23, -1.5, 1.23, -0.4), (1.23, 0.4, 1.23, 1.5))))
@@ -161,7 +166,7 @@ async def test_a_stop_on_a_dead_connection_is_sent_again_on_the_next(there: Ther
     await base.until(lambda: len(base.of("stop")) == 2, "the stop again")
     await opened.page.locator("#receipt.good", has_text="2 robots stand still").wait_for()
     await base.cut()
-    await base.until(lambda: base.connections == 3, "a third connection")
+    await base.until(lambda: base.connections >= 3, "a third connection")
     await opened.page.locator("#link", has_text="Live").wait_for()
     assert len(base.of("stop")) == 2, "it was confirmed, and is owed no longer"
 
@@ -176,7 +181,7 @@ async def test_who_resumes_is_owed_no_stop(there: There) -> None:
     await opened.page.locator("#resume button", has_text="Yes").click()
     await base.until(lambda: base.of("resume"), "an order")
     await base.cut()
-    await base.until(lambda: base.connections == 2, "a second connection")
+    await base.until(lambda: base.connections >= 2, "a second connection")
     await opened.page.locator("#link", has_text="Live").wait_for()
     assert len(base.of("stop")) == 1
 
@@ -201,11 +206,11 @@ async def test_a_connection_that_is_never_opened_is_given_up(browser: Browser) -
 
     server = await asyncio.start_server(accept, "127.0.0.1", 0)
     async with visit(browser, "about:blank") as opened:
-        await opened.page.clock.install()
+        await opened.hold_time()
         await opened.page.goto(f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/")
         async with asyncio.timeout(seconds(10.0)):
             await asked.get()
-            await opened.page.clock.fast_forward(2900)
+            await opened.page.clock.run_for(2900)
             assert asked.empty()
             await opened.page.clock.fast_forward(200)
             await opened.page.clock.fast_forward(300)  # it waits a little before it tries again
@@ -220,16 +225,17 @@ async def test_who_is_not_let_in_asks_less_and_less_often(browser: Browser) -> N
     base.admits = False
     asked: list[float] = []
     async with visit(browser, "about:blank") as opened:
-        await opened.page.clock.install()
+        await opened.hold_time()
         await serve(opened, base)
-        veil = opened.page.locator("#veil", has_text="does not let this page in")
         for count in range(1, 5):
             async with asyncio.timeout(seconds(10.0)):
                 while base.connections < count:
                     await opened.page.clock.fast_forward(50)
             asked.append(await opened.page.evaluate("performance.now()"))
-            await veil.wait_for()
+            await base._closing
             assert not await opened.muro("connected")
+        await opened.page.clock.fast_forward(200)
+        await opened.page.locator("#veil", has_text="does not let this page in").wait_for()
     waits = [after - before for before, after in itertools.pairwise(asked)]
     for wait, least in zip(waits, (200, 450, 950), strict=True):
         assert wait >= least, waits
@@ -249,22 +255,27 @@ async def test_a_browser_that_keeps_nothing_shows_the_page(there: There) -> None
     assert await opened.page.locator("#theme").get_attribute("aria-label") == "Colours: light"
 
 
-async def test_ages_are_not_read_aloud(there: There) -> None:
+async def test_ages_are_not_read_aloud(browser: Browser) -> None:
     """A live region is read whenever it changes: what changes five times a second stands beside it."""
-    opened, base = there
-    base.sends = False
-    await opened.page.locator("#veil").wait_for()
-    await opened.page.evaluate(
-        """() => {
-            window.spoken = [];
-            const observer = new MutationObserver(() => window.spoken.push(document.body.innerText));
-            for (const region of document.querySelectorAll("[role=status], [role=alert]"))
-                observer.observe(region, {subtree: true, childList: true, characterData: true});
-        }"""
-    )
-    for where in ("#link-age", "#veil-age"):
-        before = await opened.page.locator(where).inner_text()
-        assert re.search(r"\d s\b", before), "an age"
-        differs = "([where, before]) => document.querySelector(where).innerText !== before"
-        await opened.until(differs, 5.0, [where, before])
-    assert await opened.page.evaluate("window.spoken") == []
+    async with visit(browser, "about:blank") as opened:
+        await opened.hold_time()
+        await serve(opened, PlayedBase())
+        await opened.sees(NAMES)
+        await opened.page.clock.run_for(1000)  # without another state
+        await opened.page.locator("#veil").wait_for()
+        await opened.page.evaluate(
+            """() => {
+                window.spoken = [];
+                const observer = new MutationObserver(() => window.spoken.push(document.body.innerText));
+                for (const region of document.querySelectorAll("[role=status], [role=alert]"))
+                    observer.observe(region, {subtree: true, childList: true, characterData: true});
+            }"""
+        )
+        ages = opened.page.locator("#link-age, #veil-age")
+        before = await ages.all_inner_texts()
+        await opened.page.clock.run_for(400)
+        after = await ages.all_inner_texts()
+        for was, has_become in zip(before, after, strict=True):
+            assert re.search(r"\d s\b", was), "an age"
+            assert was != has_become
+        assert await opened.page.evaluate("window.spoken") == []

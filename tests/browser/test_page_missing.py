@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.async_api import Browser
+from playwright.async_api import Browser, Error
 
 from muro_zenoh.config import as_table, parse_scenario
 from tests.support.browser import Visit, visit
@@ -87,18 +88,19 @@ async def test_robots_without_cameras_and_agents_stand_at_the_side_with_the_reas
         parts.start("agent", "r1")
         await opened.page.locator("#aside li", has_text="r1").wait_for(state="detached")
         assert await aside(opened) == ["r2"]
-        assert await opened.muro("conditionOf('r1')") == "holding"
+        await opened.until("() => window.muro.conditionOf('r1') === 'holding'")  # stale, while no picture comes
         await opened.page.locator("#robots li", has_text="the behaviour is hold").wait_for()
 
 
 async def open_when_served(opened: Visit, url: str) -> None:
     """Go to a page whose process may still be starting."""
-    for _ in range(100):
-        try:
-            await opened.page.goto(url)
-            break
-        except Exception:
-            await opened.page.wait_for_timeout(100)
+    async with asyncio.timeout(seconds(30.0)):
+        while True:
+            try:
+                await opened.page.goto(url)
+                break
+            except Error:
+                await asyncio.sleep(0.1)
     opened.forgive_no_connection()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from muro_zenoh.optics.jpeg import encode_jpeg
+from tests.support.browser import Visit
 from tests.support.played_base import DETAILS, NAMES, There, hello, receipt
 
 pytestmark = [pytest.mark.asyncio(loop_scope="package")]
@@ -19,6 +20,11 @@ PICTURE = encode_jpeg(np.full((20, 20), 128, np.uint8), 70)
 def rows(v: float, wanted: float) -> dict[str, Any]:
     """Robots that drive at a speed, and are to drive at another [m/s]."""
     return {name: [0.5 * turn, 0.0, 0.0, v, 0.0, 0.05, wanted, 0.0] for turn, name in enumerate(NAMES)}
+
+
+async def becomes(opened: Visit, expression: str, value: Any) -> None:
+    """Wait until something on the page is so: a state that is late makes the page look old for a moment, or live."""
+    await opened.until(f"value => JSON.stringify({expression}) === JSON.stringify(value)", argument=value)
 
 
 # ---- plots
@@ -90,9 +96,9 @@ async def test_only_what_says_that_it_is_well_is_green(there: There) -> None:
     base.state(processes={name: {**report, **more} for name, (_, more) in rows.items()})
     await opened.page.locator("#tab-health").click()
     await opened.page.locator("#panel-health tr", has_text="r4").wait_for()
-    signs = opened.page.locator("button.process > span")
-    assert [await sign.get_attribute("class") for sign in await signs.all()] == [sign for sign, _ in rows.values()]
-    assert await signs.all_inner_texts() == ["", "", "", "gone", "missing"]
+    signs = [sign for sign, _ in rows.values()]
+    await becomes(opened, "[...document.querySelectorAll('.process > span')].map(sign => sign.className)", signs)
+    assert await opened.page.locator(".process > span").all_inner_texts() == ["", "", "", "gone", "missing"]
     said = await opened.page.locator("#panel-health .more p:visible").all_inner_texts()
     assert said == ["it lives, and is silent", "lives; it reports nothing of itself"]
 
@@ -100,7 +106,7 @@ async def test_only_what_says_that_it_is_well_is_green(there: There) -> None:
 # ---- what is old
 
 
-GREY = """() => [...document.querySelectorAll("#floor, #robots, #panel-health, #receipt")].map(
+GREY = """[...document.querySelectorAll("#floor, #robots, #panel-health, #receipt")].map(
     part => getComputedStyle(part).filter.includes("grayscale"))"""
 
 
@@ -113,7 +119,7 @@ async def test_what_is_old_looks_old_everywhere(there: There) -> None:
     await opened.page.locator("#tab-health").click()
     base.state(processes={"r1": report, "router": {**report, "role": "router"}})
     await opened.page.locator("#panel-health .alive").nth(1).wait_for()
-    assert await opened.page.evaluate(GREY) == [False] * 4
+    await becomes(opened, GREY, [False] * 4)
     base.state(processes={"r1": report, "router": {**report, "role": "router", "alive": False}})
     await opened.page.locator("#link", has_text="Old").wait_for()
     await opened.page.locator("#veil", has_text="its router is gone").wait_for()
@@ -121,9 +127,9 @@ async def test_what_is_old_looks_old_everywhere(there: There) -> None:
     await opened.page.locator("#link", has_text="Live").wait_for()
     base.sends = False
     await opened.page.locator("#link", has_text="Old").wait_for()
-    assert await opened.page.evaluate(GREY) == [True] * 4
-    assert await opened.page.locator("#panel-health .alive").count() == 0
-    assert await opened.page.locator("#panel-health td").first.inner_text() == "old"
+    await becomes(opened, GREY, [True] * 4)
+    await becomes(opened, "document.querySelectorAll('#panel-health .alive').length", 0)
+    await becomes(opened, "document.querySelector('#panel-health td').innerText", "old")
 
 
 # ---- without libraries

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import math
 import time
 from pathlib import Path
@@ -67,22 +68,31 @@ async def test_places_on_the_canvas_are_those_of_all_positions(operator: Visit, 
     raise AssertionError(f"only {compared} states of the page were found among the snapshots")
 
 
-async def test_what_is_painted_is_where_the_hook_says(operator: Visit, run: PagedRun, tmp_path: Path) -> None:
-    """The octagon of a stopped robot is symmetric, so that its middle can be found in a picture of the page."""
+STOPPED = """names => new Promise(resolve => {
+    const look = () => names.map(name => [...window.muro.screenOf(name), window.muro.conditionOf(name)]);
+    const before = look();
+    requestAnimationFrame(() => {
+        const still = look().every(([x, y], k) => Math.hypot(x - before[k][0], y - before[k][1]) < 0.3);
+        const stopped = [...before, ...look()].every(([, , condition]) => condition === "stopped");
+        resolve(still && stopped ? [before, document.querySelector("#floor").toDataURL()] : null);
+    });
+})"""
+"""Where robots are that are stopped, and the canvas of that moment: what was known a frame before is painted."""
+
+
+async def test_what_is_painted_is_where_the_hook_says(operator: Visit, run: PagedRun) -> None:
+    """The octagon of a stopped robot is symmetric, so that its middle can be found in a picture of the canvas."""
     await operator.page.keyboard.press("Escape")
-    every_stopped = "names => names.every(name => window.muro.conditionOf(name) === 'stopped')"
-    await operator.until(every_stopped, 5, list(run.robots))
     await run.time_until(lambda: not run.moving(), 5.0, "every robot stands")
-    picture = tmp_path / "floor.png"
-    await operator.page.wait_for_timeout(300)
-    await operator.page.locator("#floor").screenshot(path=picture)
-    image = cv2.imread(str(picture)).astype(int)
-    red = np.abs(image - np.array([0x1C, 0x16, 0xC4])).sum(axis=2) < 60
+    places, picture = await operator.found(STOPPED, list(run.robots), "every robot is shown stopped")
+    image = cv2.imdecode(np.frombuffer(base64.b64decode(picture.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    red = np.abs(image.astype(int) - np.array([0x1C, 0x16, 0xC4])).sum(axis=2) < 60
     _, _, boxes, _ = cv2.connectedComponentsWithStats(red.astype(np.uint8))
-    for name in run.robots:
-        x, y = await operator.muro(f"screenOf('{name}')")
-        middles = [(box[0] + box[2] / 2, box[1] + box[3] / 2) for box in boxes[1:] if box[4] > 200]
+    middles = [(box[0] + box[2] / 2, box[1] + box[3] / 2) for box in boxes[1:] if box[4] > 200]
+    for name, (x, y, _) in zip(run.robots, places, strict=True):
         assert min(abs(x - mx) + abs(y - my) for mx, my in middles) < 2.0, (name, (x, y), middles)
+    await operator.page.locator("#receipt.good").wait_for()  # while it is sent, nobody may resume
     await operator.resume()
 
 
@@ -101,6 +111,7 @@ async def test_pictures_of_the_cameras_lie_where_the_robots_are(browser: Browser
         await opened.sees(run.robots)
         await opened.page.locator("#stop").click()
         await run.time_until(lambda: not run.moving(), 5.0, "every robot stands")
+        await opened.page.locator("#receipt.good").wait_for()  # while it is sent, nobody may resume
         await opened.page.locator("#pictures").click()
         await asyncio.sleep(0.3)
         pictures.clear()
@@ -151,6 +162,16 @@ async def test_on_a_phone_nothing_overflows(browser: Browser, run: PagedRun) -> 
             assert box["y"] + box["height"] <= 844, "the stop button is always in sight"
 
 
+VIOLATIONS = """async scheme => {
+    const { body, documentElement } = document;
+    const settled = () => body.dataset.link === "live" && documentElement.dataset.theme === scheme
+        && document.getAnimations().length === 0;
+    const found = settled() && await axe.run({resultTypes: ["violations"]});
+    return found && settled() ? found.violations : null;
+}"""
+"""What axe finds, once nothing is faded: what is old is, and what just appears."""
+
+
 async def test_axe_finds_nothing_serious(browser: Browser, run: PagedRun) -> None:
     if not AXE.exists():
         pytest.skip("no axe-core: make setup")
@@ -165,11 +186,9 @@ async def test_axe_finds_nothing_serious(browser: Browser, run: PagedRun) -> Non
             await opened.page.locator(f"#tab-{tab}").click()
             for scheme in ("light", "dark"):
                 await opened.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-                await opened.page.wait_for_timeout(200)  # colours fade
-                found: dict[str, Any] = await opened.page.evaluate("axe.run({resultTypes: ['violations']})")
                 serious = [
                     (violation["id"], [node["html"][:120] for node in violation["nodes"]][:3])
-                    for violation in found["violations"]
+                    for violation in await opened.found(VIOLATIONS, scheme, f"nothing of {tab} is faded", 30.0)
                     if violation["impact"] in ("serious", "critical")
                 ]
                 assert serious == [], (tab, scheme)

@@ -7,8 +7,9 @@ import contextlib
 import json
 import math
 import socket
+import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +18,7 @@ from urllib.parse import urlsplit
 import psutil
 import pytest
 from playwright.async_api import Browser, BrowserContext, Page, async_playwright
+from playwright.async_api import TimeoutError as NotInTime
 
 from muro_zenoh import channels
 from muro_zenoh.channels import Role
@@ -25,7 +27,7 @@ from muro_zenoh.messages import FleetSnapshot, Truth
 from muro_zenoh.transport import Bus, open_bus
 from tests.support.process import Process
 from tests.support.router import free_port
-from tests.support.waiting import seconds
+from tests.support.waiting import seconds, within
 
 CHROMIUM: Final = Path("/usr/bin/chromium")
 
@@ -81,6 +83,12 @@ _NOTE_STOPS: Final = """
 """
 
 
+_AGAIN: Final = ("not answered", "give it again")
+"""What a notice says of an order that may have been lost on a busy machine."""
+
+_HAVE_READ: Final = "for (const notice of document.querySelectorAll('.notice')) notice.dataset.read = 'yes'"
+
+
 class Visit:
     """A page that somebody has open.
 
@@ -98,8 +106,14 @@ class Visit:
         )
 
     def forgive_no_connection(self) -> None:
-        """Forget that the browser complained of connections that could not be made; nothing else."""
-        self.complaints = [text for text in self.complaints if "net::ERR_" not in text]
+        """Forget that the browser complained of connections that could not be made, or not to the end; nothing else."""
+        others = (text for text in self.complaints if not text.startswith("WebSocket connection to"))
+        self.complaints = [text for text in others if "net::ERR_" not in text]
+
+    async def hold_time(self) -> None:
+        """Let time pass by ``page.clock`` alone in what is opened from now on: no machine is too slow for it."""
+        await self.page.clock.install()
+        await self.page.clock.pause_at(time.time() + 3600.0)  # which is nobody else's time
 
     async def muro(self, expression: str) -> Any:
         """A value of the page's hook for tests, such as ``sent``."""
@@ -108,6 +122,16 @@ class Visit:
     async def until(self, expression: str, limit: float = 10.0, argument: Any = None) -> None:
         """Wait until an expression holds in the page, at most for ``limit`` (scaled) [s]."""
         await self.page.wait_for_function(expression, arg=argument, timeout=1000 * seconds(limit))
+
+    async def found(self, function: str, argument: Any, what: str, limit: float = 10.0) -> Any:
+        """What a function of the page returns, which may await, once it is not null; ``limit`` is scaled [s]."""
+
+        async def look() -> Any:
+            while (found := await self.page.evaluate(function, argument)) is None:  # noqa: ASYNC110 - it is in the page
+                await asyncio.sleep(0.05)
+            return found
+
+        return await within(limit, look(), what)
 
     async def sees(self, names: Sequence[str], limit: float = 10.0) -> None:
         """Wait until robots have a place on the canvas."""
@@ -138,10 +162,15 @@ class Visit:
 
     async def resume(self) -> None:
         """Lift a stop as a person does: asked once."""
-        await self.page.locator("#resume button", has_text="Resume").click()
-        await self.page.locator("#resume button", has_text="Yes").click()
-        assert "taken" in await self.notice("Resume")
-        await self.page.locator("#resume").wait_for(state="hidden")
+
+        async def give() -> None:
+            await self.page.locator("#resume button", has_text="Resume").click()
+            await self.page.locator("#resume button", has_text="Yes").click()
+
+        hidden = "() => document.querySelector('#resume').hidden"
+        said = await self.order("Resume", give, hidden)
+        assert "refused" not in said, said
+        await self.until(hidden)
 
     async def press_on_floor(self, x: float, y: float) -> None:
         """Click a place of the floor [m, world]."""
@@ -154,9 +183,31 @@ class Visit:
         assert box is not None
         return box["x"] + px, box["y"] + py
 
+    async def order(self, words: str, give: Callable[[], Awaitable[Any]], obeyed: str = "() => false") -> str:
+        """Give an order as a person does: again when it was not answered, or refused because a process stood still.
+
+        Args:
+            words: that its notice has.
+            give: gives it.
+            obeyed: holds in the page when it was carried out, answered or not: then it is not given again.
+
+        Returns:
+            What came of it: it was taken, or refused for another reason, or it was obeyed.
+        """
+        for _ in range(3):
+            await self.page.evaluate(_HAVE_READ)
+            await give()
+            said = await self.notice(words)
+            if not any(words in said for words in _AGAIN):
+                return said
+            with contextlib.suppress(NotInTime):
+                await self.until(obeyed, 1.0)
+                return said
+        raise AssertionError(f"given three times: {said}")
+
     async def notice(self, words: str, limit: float = 10.0) -> str:
-        """Wait for the notice of an order that has these words; returns all of it."""
-        notice = self.page.locator("#notices .notice", has_text=words).first
+        """Wait for the notice of an order that has these words, and was not there before it; returns all of it."""
+        notice = self.page.locator("#notices .notice:not([data-read])", has_text=words).first
         await notice.wait_for(timeout=1000 * seconds(limit))
         return " ".join(await notice.locator("strong, span").all_inner_texts())
 
