@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import math
+import re
 import socket
 import time
 from collections import deque
@@ -83,7 +84,7 @@ _NOTE_STOPS: Final = """
 """
 
 
-_AGAIN: Final = ("not answered", "give it again")
+AGAIN: Final = re.compile("not answered|give it again")
 """What a notice says of an order that may have been lost on a busy machine."""
 
 _HAVE_READ: Final = "for (const notice of document.querySelectorAll('.notice')) notice.dataset.read = 'yes'"
@@ -198,7 +199,7 @@ class Visit:
             await self.page.evaluate(_HAVE_READ)
             await give()
             said = await self.notice(words)
-            if not any(words in said for words in _AGAIN):
+            if not AGAIN.search(said):
                 return said
             with contextlib.suppress(NotInTime):
                 await self.until(obeyed, 1.0)
