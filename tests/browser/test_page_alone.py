@@ -232,7 +232,7 @@ async def test_who_is_not_let_in_asks_less_and_less_often(browser: Browser) -> N
                 while base.connections < count:
                     await opened.page.clock.fast_forward(50)
             asked.append(await opened.page.evaluate("performance.now()"))
-            await base._closing
+            await base._closing  # until the page knows that it is refused, its time stands still
             assert not await opened.muro("connected")
         await opened.page.clock.fast_forward(200)
         await opened.page.locator("#veil", has_text="does not let this page in").wait_for()

@@ -195,7 +195,7 @@ class Visit:
         Returns:
             What came of it: it was taken, or refused for another reason, or it was obeyed.
         """
-        for _ in range(3):
+        for _ in range(5):
             await self.page.evaluate(_HAVE_READ)
             await give()
             said = await self.notice(words)
@@ -204,7 +204,7 @@ class Visit:
             with contextlib.suppress(NotInTime):
                 await self.until(obeyed, 1.0)
                 return said
-        raise AssertionError(f"given three times: {said}")
+        raise AssertionError(f"given five times: {said}")
 
     async def notice(self, words: str, limit: float = 10.0) -> str:
         """Wait for the notice of an order that has these words, and was not there before it; returns all of it."""
