@@ -164,14 +164,19 @@ async def test_a_stall_keeps_everything_and_delivers_it_at_its_end() -> None:
         assert echo.connections == 1
 
 
+async def sent_and_under_way(relay: Relay, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Something has arrived, and something else waits in the relay."""
+    await echoed(reader, writer, b"before")
+    both(relay, Conditions(delay=0.2))
+    writer.write(b"under way")
+    await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
+
+
 @on_both_loops
 async def test_what_waits_when_a_stall_begins_is_kept_too() -> None:
     async with relayed() as (echo, relay, dial):
         reader, writer = await dial()
-        await echoed(reader, writer, b"before")
-        both(relay, Conditions(delay=0.2))
-        writer.write(b"under way")
-        await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
+        await sent_and_under_way(relay, reader, writer)
         both(relay, Conditions(passage=Passage.STALLED))
         await asyncio.sleep(0.3)
         assert echo.received == b"before"
@@ -183,10 +188,7 @@ async def test_what_waits_when_a_stall_begins_is_kept_too() -> None:
 async def test_nothing_crosses_a_partition_not_even_what_was_under_way() -> None:
     async with relayed() as (echo, relay, dial):
         reader, writer = await dial()
-        await echoed(reader, writer, b"before")
-        both(relay, Conditions(delay=0.2))
-        writer.write(b"under way")
-        await within(5, until(lambda: any(end._waiting for end in relay.ends)), "it waits in the relay")
+        await sent_and_under_way(relay, reader, writer)
         both(relay, Conditions(passage=Passage.PARTITIONED))
         writer.write(b"during")
         late_reader, _ = await dial()  # as on a real network, nobody refuses it
