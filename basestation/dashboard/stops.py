@@ -146,7 +146,7 @@ class Stops:
                 self._end(one)
 
     async def close(self) -> None:
-        """Wait for no receipt any longer: what was sent holds."""
+        """Wait for no receipt any longer: what has arrived holds."""
         tasks = [one.task for one in self._under_way.values() if one.task is not None]
         for task in tasks:
             task.cancel()
@@ -169,7 +169,8 @@ class Stops:
         one.arrived = self._loop.time()
 
     def _is_repeated(self, one: _Confirmation) -> bool:
-        """Whether a stop is still sent, so that a resume would be undone, or the stop lost if it were cancelled."""
+        """Whether a stop is still sent, so that a resume would be undone, or the stop lost if it were cancelled. One
+        that waits for its turn counts as arrived when it was sent."""
         since = one.arrived if one.begun else one.sent
         return not self._loop.time() - since >= REPEATED_FOR  # as with no time at all
 

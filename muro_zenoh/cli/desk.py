@@ -34,6 +34,7 @@ class Desk:
         self._bus = bus
         self._say = say
         self._running: asyncio.Task[None] | None = None
+        self._stop_is_sent = False  # until there is a word that it has arrived: a resume would end it
         self._asked = -math.inf
         self._stop_state = bus.latest(channels.STOP)
         self._seen: int | None = None  # the revision of the stop that there was when r was pressed
@@ -48,12 +49,15 @@ class Desk:
         sure = key == "y" and now - self._asked <= _SURE
         self._asked = now if key == "r" else -math.inf
         if key == " ":
+            self._stop_is_sent = True
             send_stop(self._bus, ())  # now: the run may end before the task below begins
             self._begin(self._stop(), "stop every robot")
         elif key == "r":
             known = self._stop_state.get()
             self._seen = known.message.revision if known is not None else None
             self._say(f"resume every robot? Press y within {_SURE:g} s; any other key: no")
+        elif sure and self._stop_is_sent:
+            self._say("not resumed: the stop is still sent, and there is no word yet that it arrived; press r again")
         elif sure:
             self._begin(self._resume(), "resume every robot")
 
@@ -67,7 +71,12 @@ class Desk:
         self._running = asyncio.create_task(order, name=name)
 
     async def _stop(self) -> None:
-        self._say("\n".join(receipt_lines(await stop_robots(self._bus, ()))))
+        result = await stop_robots(self._bus, (), self._note_arrival)
+        self._note_arrival()  # or it is sent no longer
+        self._say("\n".join(receipt_lines(result)))
+
+    def _note_arrival(self) -> None:
+        self._stop_is_sent = False
 
     async def _resume(self) -> None:
         try:

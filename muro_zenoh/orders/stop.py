@@ -144,9 +144,12 @@ class _Stopping:
     def close(self) -> None:
         """Listen and ask no more."""
         self._open.close()
-        if not self._asking.done():
-            self._asking.cancel()
-        elif (error := self._asking.exception()) is not None and not isinstance(error, MuroError):
+        asking = self._asking
+        if not asking.done():
+            asking.cancel()
+            return
+        error = None if asking.cancelled() else asking.exception()
+        if error is not None and not isinstance(error, MuroError):
             log.error("the base station cannot be asked to keep a stop: %r", error, exc_info=error)
 
     def send(self) -> None:
@@ -196,17 +199,18 @@ class _Stopping:
     def result(self) -> StopResult:
         """What came of it by the last look, with the robots whose agents are or were alive, or that the cameras have
         seen."""
-        return StopResult(self._sent, self._reply, self._receipts, tuple(sorted(self._known)))
+        return StopResult(self._sent, self._reply, dict(sorted(self._receipts.items())), tuple(sorted(self._known)))
 
     def _is_received(self, health: Health) -> bool:
-        """Whether an agent has received the stop. Each remembers the names in all orders; one that was stopped before
-        says nothing of others."""
+        """Whether an agent has received the stop. Each remembers the names in all orders; one that was stopped by name
+        before says nothing of others."""
         return health.stop_all or bool(self._names and set(self._names) <= set(health.stop_names))
 
     @property
     def _reply(self) -> Reply | None:
-        answered = self._asking.done() and self._asking.exception() is None
-        return self._asking.result() if answered else None
+        asking = self._asking
+        answered = asking.done() and not asking.cancelled() and asking.exception() is None
+        return asking.result() if answered else None
 
     def _begin_asking(self) -> asyncio.Task[Reply]:
         return asyncio.create_task(self._bus.ask(channels.STOP_ORDER, Stop(names=self._names)), name="ask for a stop")

@@ -9,7 +9,7 @@ from muro_zenoh import channels
 from muro_zenoh.cli.desk import Desk
 from muro_zenoh.messages import StopOrder
 from muro_zenoh.orders.stop import stop_robots
-from tests.unit.test_stop_orders import Agent, Lab, virtual
+from tests.unit.test_stop_orders import Agent, Lab, cut_off, virtual
 
 
 class Operator:
@@ -99,6 +99,29 @@ async def test_the_space_bar_between_r_and_y_stops(there: Lab) -> None:
     await operator.press("ry ", 0.0)  # ... and after both, a resume that is under way
     await asyncio.sleep(2.0)
     assert stopped(agents) == {"r1"}
+
+
+@virtual
+async def test_a_resume_ends_no_stop_that_has_not_arrived_yet(there: Lab) -> None:
+    agents = await there.agents("r1")
+    await there.base_station()
+    operator = Operator(there)
+    await operator.press(" ", 1.0)
+    await operator.press("ry", 1.0)
+    assert stopped(agents) == set()
+    async with cut_off(there.operator):
+        await operator.press(" ", 0.7)
+        await operator.press("ry", 0.1)
+        assert "still sent" in operator.shown[-1]
+        await asyncio.sleep(0.5)
+    await asyncio.sleep(0.2)
+    assert stopped(agents) == {"r1"}
+    await operator.press("ry", 1.0)
+    assert stopped(agents) == set()
+    async with cut_off(there.operator):
+        await operator.press(" ", 3.3)  # it is given up
+        await operator.press("ry", 2.0)
+        assert "the base station is silent" in operator.shown[-1]
 
 
 @virtual
