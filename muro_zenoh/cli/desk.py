@@ -49,8 +49,8 @@ class Desk:
         sure = key == "y" and now - self._asked <= _SURE
         self._asked = now if key == "r" else -math.inf
         if key == " ":
-            self._stop_is_sent = True
             send_stop(self._bus, ())  # now: the run may end before the task below begins
+            self._stop_is_sent = True
             self._begin(self._stop(), "stop every robot")
         elif key == "r":
             known = self._stop_state.get()
@@ -71,8 +71,12 @@ class Desk:
         self._running = asyncio.create_task(order, name=name)
 
     async def _stop(self) -> None:
-        result = await stop_robots(self._bus, (), self._note_arrival)
-        self._note_arrival()  # or it is sent no longer
+        try:
+            result = await stop_robots(self._bus, (), self._note_arrival)
+        except Exception:
+            self._note_arrival()
+            raise
+        self._note_arrival()  # or it is sent no longer, unlike one that is cancelled by the next press
         self._say("\n".join(receipt_lines(result)))
 
     def _note_arrival(self) -> None:

@@ -20,7 +20,7 @@ from muro_zenoh.messages import (
     SpeedReference,
 )
 from muro_zenoh.transport import Bus, Every, Latest
-from tests.support.waiting import SETTLING, seconds, within
+from tests.support.waiting import given_again, seconds, within
 
 Order = TypeVar("Order", bound=Message)
 Box = Latest[SpeedReference] | Every[SpeedReference]
@@ -88,12 +88,7 @@ async def odometry_linked(put: Callable[[Odometry], object], box: Every[Odometry
 
 async def asked(bus: Bus, verb: channels.Verb[Order], order: Order, name: str = "") -> Reply:
     """The answer to an order; given again where its receiver had just stood still, as any process may."""
-    for _ in range(5):
-        reply = await bus.ask(verb, order, name=name, timeout=seconds(5))
-        if "give it again" not in reply.reason:
-            break
-        await asyncio.sleep(SETTLING)
-    return reply
+    return await given_again(lambda: bus.ask(verb, order, name=name, timeout=seconds(5)), lambda reply: reply.reason)
 
 
 async def answered(bus: Bus) -> None:

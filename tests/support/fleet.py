@@ -23,7 +23,7 @@ from muro_zenoh.messages import Health, Message, Reply, Truth, VelocityCommand
 from muro_zenoh.transport import Bus, Received, open_bus
 from tests.support.process import MURO, Process, muro
 from tests.support.router import free_port, router_command
-from tests.support.waiting import SETTLING, seconds
+from tests.support.waiting import given_again, seconds
 
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -218,11 +218,7 @@ class RealFleet:
 
     async def ask(self, verb: channels.Verb[Any], order: Message) -> Reply:
         """Give an order that must be accepted; one that came when its receiver had just stood still is given again."""
-        for _ in range(3):
-            reply = await self.bus.ask(verb, order, timeout=seconds(5))
-            if "give it again" not in reply.reason:
-                break
-            await asyncio.sleep(SETTLING)
+        reply = await given_again(lambda: self.bus.ask(verb, order, timeout=seconds(5)), lambda reply: reply.reason)
         assert reply.accepted, reply.reason
         return reply
 

@@ -25,7 +25,7 @@ from muro_zenoh.config import Scenario
 from muro_zenoh.geometry import Pose2
 from muro_zenoh.runtime.virtual_time import InlineExecutor
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
-from tests.support.waiting import SETTLING, seconds
+from tests.support.waiting import given_again, seconds
 
 TOKENS = Tokens("look-only", "may-steer")
 
@@ -186,13 +186,13 @@ class PageClient:
 
     async def order(self, order: str, **values: Any) -> dict[str, Any]:
         """Give an order, and wait for the reply; again where its receiver had just stood still."""
-        for _ in range(3):
+
+        async def give() -> dict[str, Any]:
             number = await self.send(order, **values)
-            await self.until(lambda number=number: number in self.replies or self.closed, 10.0, f"a reply to {order}")
-            if "give it again" not in self.replies[number]["reason"]:
-                break
-            await asyncio.sleep(SETTLING)
-        return self.replies[number]
+            await self.until(lambda: number in self.replies or self.closed, 10.0, f"a reply to {order}")
+            return self.replies[number]
+
+        return await given_again(give, lambda reply: str(reply["reason"]))
 
     async def drive(self, name: str, v: float, omega: float) -> int:
         """Drive a robot by the newest state; returns the order's id."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
 from typing import Final, TypeVar
 
 T = TypeVar("T")
@@ -19,6 +19,21 @@ SETTLING: Final = 0.6
 def seconds(value: float) -> float:
     """A time limit, scaled."""
     return value * FACTOR
+
+
+async def given_again(give: Callable[[], Awaitable[T]], reason: Callable[[T], str]) -> T:
+    """The answer to an order; it is given again while its receiver says that it had just stood still, as any may.
+
+    Args:
+        give: gives the order, and waits for the answer.
+        reason: of an answer.
+    """
+    for _ in range(5):
+        answer = await give()
+        if "give it again" not in reason(answer):
+            break
+        await asyncio.sleep(SETTLING)
+    return answer
 
 
 async def within(limit: float, awaitable: Awaitable[T], what: str) -> T:

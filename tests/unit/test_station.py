@@ -29,7 +29,7 @@ from muro_zenoh.messages import Clear, Estimate, Frame, Health, Message, Reply, 
 from muro_zenoh.runtime.clock import Clock, SystemClock
 from muro_zenoh.runtime.virtual_time import VirtualClock, run_virtually
 from muro_zenoh.transport import Bus, MemoryNetwork, make_bus
-from tests.support.waiting import SETTLING, seconds, within
+from tests.support.waiting import given_again, seconds, within
 
 T = TypeVar("T", bound=Message)
 
@@ -53,12 +53,7 @@ class Lab:
 
     async def ask(self, verb: channels.Verb[T], order: T) -> Reply:
         """The answer to an order, however long it takes; given again where the loop had just stood still."""
-        for _ in range(5):
-            reply = await self.bus.ask(verb, order, timeout=seconds(30))
-            if "give it again" not in reply.reason:
-                break
-            await asyncio.sleep(SETTLING)
-        return reply
+        return await given_again(lambda: self.bus.ask(verb, order, timeout=seconds(30)), lambda reply: reply.reason)
 
     async def agent(self, name: str, **stop: object) -> Bus:
         """An agent that is alive and has reported its health."""
