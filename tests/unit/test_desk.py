@@ -9,7 +9,7 @@ from muro_zenoh import channels
 from muro_zenoh.cli.desk import Desk
 from muro_zenoh.messages import StopOrder
 from muro_zenoh.orders.stop import stop_robots
-from tests.unit.test_stop_orders import Agent, Lab, cut_off, virtual
+from tests.support.stop_lab import Agent, Lab, cut_off, virtual
 
 
 class Operator:

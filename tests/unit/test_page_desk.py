@@ -20,7 +20,7 @@ from muro_zenoh.errors import TransportError
 from muro_zenoh.messages import Behaviour, DriveWish, Lease, LeaseState
 from muro_zenoh.orders.stop import StopResult, resume_robots, stop_robots
 from muro_zenoh.transport import Bus, Every
-from tests.unit.test_stop_orders import LAB, Agent, Lab, cut_off, virtual
+from tests.support.stop_lab import LAB, Agent, Lab, cut_off, virtual
 
 
 class Client:

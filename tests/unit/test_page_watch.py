@@ -21,7 +21,7 @@ from muro_zenoh.messages import Behaviour, Frame, Goal, Lease, LeaseState
 from muro_zenoh.runtime.process import WRONG_USE
 from muro_zenoh.runtime.virtual_time import InlineExecutor
 from muro_zenoh.transport import Received
-from tests.unit.test_stop_orders import LAB, Lab, virtual
+from tests.support.stop_lab import LAB, Lab, virtual
 
 
 def state(watch: FleetWatch) -> dict[str, Any]:
