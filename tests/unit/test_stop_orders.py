@@ -1,4 +1,4 @@
-"""Stop, resume and clear as an operator gives them: what is taken for confirmed, and what is said. Agents are stand-ins."""
+"""Stop, resume and clear as an operator gives them: what is taken for confirmed, what is said. Agents are stand-ins."""
 
 from __future__ import annotations
 
